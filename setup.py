@@ -148,6 +148,7 @@ extensions += [
         depends=[
             "solvers/factorisation.pxi",
             "solvers/residuals.pxi",
+            "solvers/rows.pxi",
             "solvers/second_order.pxi",
             *sorted(map(str, Path("solvers").glob("*.h"))),
             "program/passes.h",

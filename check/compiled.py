@@ -4,7 +4,7 @@ needs no words."""
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import velocity_name
 from dmoc.check.checked_motion import check_shapes, out_of_time
-from dmoc.check.free_motion import FreeMotion
+from dmoc.check.free_motion import FreeMotion as FreeMotion
 from dmoc.check.limit_functions import bounds_of
 from dmoc.check.verdict import PASSING, TERMINAL, Verification
 from dmoc.codegen.kernels import Array, Kernels
@@ -28,6 +28,8 @@ MOST_COORDINATES, MOST_SURFACES, MOST_INPUTS, MOST_LIMITS = 30, 50, 60, 60
 # Of each state that is looked at it keeps some values of each function, some ten states a step and
 # function: at most so many steps times squares of the number of functions.
 MOST_SQUARES = 300_000
+# What was measured of a motion: errors, those of the segments, contacts of the open-loop run.
+Measured: TypeAlias = tuple[tuple[float, ...], Array, list[tuple[int, float, float]]]
 # Errors in the order in which they are measured, by the names of PASSING.
 ERRORS = (
     "step error",
@@ -37,13 +39,16 @@ ERRORS = (
     "error of the cost",
     "phase error",
     "excess of a path constraint",
+    "segment error",
+    "penetration",
+    "excess of a limit",
 )
 
 
 def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Verification | None:
     """What the check finds of a motion that passes; None where it does not, or where another look
     is needed."""
-    if not (_is_free(kernels) and _goes_freely(trajectory, kernels)):
+    if not (is_free(kernels) and _goes_freely(trajectory, kernels)):
         return None
     check_shapes(trajectory)
     try:
@@ -59,16 +64,22 @@ def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Ver
     check = FreeMotion(kernels, DISCRETISATIONS[trajectory.order])
     arrays = arrays_of(trajectory, kernels, restitution)
     found = check.measured(par, arrays, trajectory.cost, partial(out_of_time, deadline))
-    if found is None:
+    return None if found is None else verification_of(found, kernels)
+
+
+def passes(found: Measured) -> bool:
+    """Whether what was measured of a motion lets it pass."""
+    (*errors, terminal, penetration, excess, _), segments, _ = found
+    named = zip(ERRORS, (*errors, float(segments.max()), penetration, excess), strict=True)
+    return terminal <= TERMINAL and all(error <= PASSING[name] for name, error in named)
+
+
+def verification_of(found: Measured, kernels: Kernels) -> Verification | None:
+    """What was measured of a motion, if it passes."""
+    if not passes(found):
         return None
     (*errors, terminal, penetration, excess, amplification), segments, contacts = found
-    measured = dict(zip(ERRORS, errors, strict=True)) | {
-        "segment error": float(segments.max()),
-        "penetration": penetration,
-        "excess of a limit": excess,
-    }
-    if not (terminal <= TERMINAL and all(measured[n] <= PASSING[n] for n in measured)):
-        return None
+    measured = dict(zip(ERRORS, errors, strict=False))
     surfaces = kernels.surfaces
     return Verification(
         True,
@@ -90,7 +101,7 @@ def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Ver
     )
 
 
-def _is_free(kernels: Kernels) -> bool:
+def is_free(kernels: Kernels) -> bool:
     """Whether nothing of a model but surfaces without ends, friction and laws holds a motion."""
     facts = kernels.manifest
     small = len(kernels.coordinates) <= MOST_COORDINATES and len(kernels.surfaces) <= MOST_SURFACES
@@ -104,14 +115,19 @@ def _is_free(kernels: Kernels) -> bool:
     )
 
 
+def has_room(kernels: Kernels, bounds: int, steps: int) -> bool:
+    """Whether there is room for the values of all limits along so many steps: path constraints, and
+    bounds of velocities."""
+    limits = len(kernels.manifest.path_constraints) + bounds
+    return limits <= MOST_LIMITS and steps * limits**2 <= MOST_SQUARES
+
+
 def _goes_freely(trajectory: Trajectory, kernels: Kernels) -> bool:
     """Whether a motion consists of free phases and hits, within few limits of velocities."""
     free = all(phase.free and phase.steps for phase in trajectory.phases)
     known = all(c.surface in kernels.surfaces for c in trajectory.collisions)
-    bounds = bounds_of(trajectory, kernels)
-    limits = len(kernels.manifest.path_constraints) + len(bounds)
     steps = sum(phase.steps for phase in trajectory.phases)
-    few = limits <= MOST_LIMITS and steps * limits**2 <= MOST_SQUARES
+    few = has_room(kernels, len(bounds_of(trajectory, kernels)), steps)
     few = few and set(trajectory.limits) <= set(map(velocity_name, kernels.coordinates))
     return free and known and few and all(map(_is_hit, trajectory.collisions))
 

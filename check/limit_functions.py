@@ -3,7 +3,7 @@ constraints as they were stated, and the bounds of its velocities and quantities
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -41,8 +41,13 @@ class Bound:
 def bounds_of(trajectory: Trajectory, kernels: Kernels) -> tuple[Bound, ...]:
     """The bounds of velocities and quantities that a motion has beside those of integrals and of
     quantities of hits."""
+    return bounds_among(trajectory.limits, kernels)
+
+
+def bounds_among(limits: Mapping[str, tuple[float, float]], kernels: Kernels) -> tuple[Bound, ...]:
+    """Those bounds among limits by name."""
     rates, bounds = [velocity_name(q) for q in kernels.coordinates], list[Bound]()
-    for name, box in trajectory.limits.items():
+    for name, box in limits.items():
         if name not in (*kernels.integrals, *kernels.hit_quantities):
             of = rates if name in rates else kernels.quantities
             sides = [(s, e) for s, e in zip((1.0, -1.0), box, strict=True) if np.isfinite(e)]

@@ -367,6 +367,12 @@ class Model(FrictionModel, CostModel):
         """Momenta at the start and at the end of steps, shape (n, nq) each."""
         return self.step_balance(step)[:2]
 
+    def steps(self, step: Sequence[Array]) -> tuple[Array, Array, Array]:
+        """Momenta at the start and at the end of steps, shape (n, nq) each, and their costs, shape
+        (n,)."""
+        r_minus, r_plus, cost, _ = self.kernels.call("step", *step, self.par)
+        return -r_minus, r_plus, cost[:, 0]
+
     def step_balance(self, step: Sequence[Array]) -> tuple[Array, Array, Array]:
         """Momenta at the start and at the end of steps, shape (n, nq) each, and residuals of the
         equations of the nodes inside steps, shape (n, inside, nq)."""

@@ -135,12 +135,14 @@ class Spread:
         self._places: Index | None = None
 
     def __call__(self, blocks: Sequence[Block], scale: Scale) -> Array:
-        """Sizes of all members of some blocks, one block after the other."""
-        there = [block for block in blocks if block.count]
+        """Sizes of all members of some blocks, one block after the other, shape (..., members); a
+        scale of several problems has their leading axis."""
+        there, lead = [block for block in blocks if block.count], np.shape(scale.time)
         few = [np.asarray(block.size(scale), dtype=float) for block in there]
         if self._places is None:
             self._places = self._found(there, few)
-        return np.concatenate([*map(np.ravel, few), np.zeros(0)])[self._places]
+        every = [part.reshape(*lead, -1) for part in few]
+        return np.concatenate([*every, np.zeros((*lead, 0))], axis=-1).take(self._places, axis=-1)
 
     def _found(self, blocks: Sequence[Block], few: Sequence[Array]) -> Index:
         places, first = [np.zeros(0, np.intp)], 0
@@ -211,8 +213,8 @@ def in_columns(values: Index, at: Index, count: int, otherwise: int = NOWHERE) -
 
 
 def sizes_of(sizes: Array, surfaces: Index) -> Array:
-    """Sizes of the surfaces of events, shape (events,), from those of all surfaces, shape (nc,),
-    and the surface of each event, shape (events,); 1 where there is none."""
-    if not len(sizes):
-        return np.ones(len(surfaces))
-    return np.where(surfaces == NOWHERE, 1.0, sizes[surfaces])
+    """Sizes of the surfaces of events, shape (..., events), from those of all surfaces, shape (...,
+    nc), and the surface of each event, shape (events,); 1 where there is none."""
+    if not sizes.shape[-1]:
+        return np.ones((*sizes.shape[:-1], len(surfaces)))
+    return np.where(surfaces == NOWHERE, 1.0, sizes[..., surfaces])

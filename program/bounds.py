@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from dmoc.program.laws.ends import Goal
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
+from dmoc.program.stacked import Stacked
 
 # The smallest step that is distinguishable from none, relative to the final time: shorter steps
 # divide rounding errors by h^2.
@@ -40,53 +42,59 @@ def goal_rows(problem: Problem, lay: Layout) -> list[Goal]:
 
 
 def limits(
-    problem: Problem, lay: Layout, laws: Iterable[Law], scale: Scale, goals: Sequence[Goal]
+    problem: Problem | Stacked,
+    lay: Layout,
+    laws: Iterable[Law],
+    scale: Scale,
+    goals: Sequence[Goal],
 ) -> tuple[Array, Array]:
-    """Lower and upper bounds of x, shape (n,) each; ``goals`` are constraints and bound nothing."""
-    box = np.full((lay.size, 2), (-np.inf, np.inf))
-    box[lay.index_h] = np.maximum(
-        lay.step_sizes(shortest_durations(problem).T).T, SMALLEST_STEP * scale.time
-    )
-    box[lay.index_q] = problem.coordinate_bounds
-    box[lay.index_u] = problem.input_bounds
+    """Lower and upper bounds of x, shape (..., n) each; ``goals`` are constraints and bound
+    nothing."""
+    time = np.asarray(scale.time)[..., None]
+    box = np.full((*time.shape[:-1], lay.size, 2), (-np.inf, np.inf))
+    for side, durations in enumerate(np.moveaxis(shortest_durations(problem), -1, 0)):
+        box[..., lay.index_h, side] = np.maximum(lay.step_sizes(durations), SMALLEST_STEP * time)
+    places = problem.coordinate_bounds[..., None, :, :]
+    box[..., lay.index_q, :] = places
+    box[..., lay.index_u, :] = problem.input_bounds[..., None, :, :]
     for node, boundary, p, v in (
         (0, problem.start_bounds, lay.index_p_B, lay.index_v_B),
         (-1, problem.goal_bounds, lay.index_p_E, lay.index_v_E),
     ):
         _narrow(box, lay.index_q[node], boundary.position)
-        box[p] = boundary.momentum
+        box[..., p, :] = boundary.momentum
         if len(v):
-            box[v] = boundary.velocity
+            box[..., v, :] = boundary.velocity
             _narrow(box, v, problem.velocity_bounds)
     for law in laws:
-        law.bounds(problem, box, scale)
-    for node, places in zip(lay.collision_nodes, problem.via_bounds, strict=True):
-        _narrow(box, lay.index_q[node], places)
+        law.bounds(cast(Problem, problem), box, scale)
+    for i, node in enumerate(lay.collision_nodes):
+        _narrow(box, lay.index_q[node], problem.via_bounds[..., i, :, :])
     if lay.inside:
-        box[lay.index_q_i] = np.tile(problem.coordinate_bounds, (lay.inside, 1))
-    box[lay.index_t[:1]] = 0.0
-    box[lay.index_design] = problem.design_bounds
+        box[..., lay.index_q_i, :] = np.concatenate([places] * lay.inside, axis=-2)
+    box[..., lay.index_t[:1], :] = 0.0
+    if isinstance(problem, Problem):
+        box[lay.index_design] = problem.design_bounds
     for goal in goals:
         box[goal.unknown] = (-np.inf, np.inf)
     if goals:
         box[lay.index_q[-1]] = problem.coordinate_bounds
         if len(lay.index_v_E):
             box[lay.index_v_E] = problem.velocity_bounds
-    return box[:, 0].copy(), box[:, 1].copy()
+    return box[..., 0].copy(), box[..., 1].copy()
 
 
 def _narrow(box: Array, index: Index, bounds: Array) -> None:
-    """Keep some unknowns within more bounds, shape (n, 2)."""
-    box[index, 0] = np.maximum(box[index, 0], bounds[:, 0])
-    box[index, 1] = np.minimum(box[index, 1], bounds[:, 1])
+    """Keep some unknowns within more bounds, shape (..., n, 2)."""
+    box[..., index, 0] = np.maximum(box[..., index, 0], bounds[..., 0])
+    box[..., index, 1] = np.minimum(box[..., index, 1], bounds[..., 1])
 
 
-def shortest_durations(problem: Problem) -> Array:
-    """Bounds of the durations of the phases, shape (phases, 2): the shortest that programs know,
-    unless a bound was given."""
-    latest = problem.final_time_bounds[1]
-    shortest = SHORTEST_PHASE * latest if len(problem.sequence) and np.isfinite(latest) else 0.0
-    low, high = problem.duration_bounds.T
-    return np.stack(
-        [np.where(low > 0, low, np.minimum(shortest, SHORTEST_PHASE * high)), high], axis=1
-    )
+def shortest_durations(problem: Problem | Stacked) -> Array:
+    """Bounds of the durations of the phases, shape (..., phases, 2): the shortest that programs
+    know, unless a bound was given."""
+    latest = np.asarray(problem.final_time_bounds[1])[..., None]
+    shortest = np.where(np.isfinite(latest) & bool(problem.sequence), SHORTEST_PHASE * latest, 0.0)
+    low, high = problem.duration_bounds[..., 0], problem.duration_bounds[..., 1]
+    shortest = np.minimum(shortest, SHORTEST_PHASE * high)
+    return np.stack([np.where(low > 0, low, shortest), high], axis=-1)

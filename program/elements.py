@@ -94,7 +94,7 @@ class Numbers:
 @record(frozen=True, eq=False)
 class _Part:
     """Results of a term that are added somewhere, in the shapes of the kernel's outputs: positions
-    in (f | c | d) or rows of the Hessian, unknowns, and places of factors (:func:`_doubled`)."""
+    in (f | c | d) or rows of the Hessian, unknowns, and places of factors (:func:`doubled`)."""
 
     kernel: str
     arguments: tuple[Index, ...]
@@ -137,7 +137,7 @@ def _flat(arrays: Sequence[Index]) -> Index:
     return np.concatenate([np.zeros(0, np.intp), *(a.ravel() for a in arrays)])
 
 
-def _doubled(factors: Array) -> Array:
+def doubled(factors: Array) -> Array:
     """The factors of terms, shape (factors,), and behind them twice each."""
     return np.concatenate([factors, 2 * factors])
 
@@ -164,6 +164,17 @@ class Structure:
     def additions(self) -> int:
         """Number of objects that :meth:`once` has made and keeps."""
         return len(self._analyses)
+
+    def products(self) -> tuple[tuple[Index, ...], ...]:
+        """Positions, none of which is negative, in what the factors of each pass are products of:
+        of rows, or of unknowns; of unknowns; and of the factors of terms."""
+        n, rows, twice = self.form.n, self.form.m + 1, 2 * self.form.factors
+        sizes = (rows, 1, twice), (rows, n, twice), (n, n, twice)
+        passes = self.values, self.slopes, self.curvatures
+        return tuple(
+            tuple(at % size for at, size in zip((e.rows, e.columns, e.factors), of, strict=True))
+            for e, of in zip(passes, sizes, strict=True)
+        )
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """An object that follows from the structure and a key, made once; threads that ask at the
@@ -226,7 +237,7 @@ def assembled(structure: Structure, numbers: Numbers) -> Assembled:
     n, m, at = form.n, form.m, form.linear
     inverse = 1 / np.concatenate([[numbers.cost_size], numbers.row_sizes])  # of (f | c | d)
     linear, ones = numbers.coefficients * inverse[structure.linear_rows], np.ones(1)
-    factors = _doubled(numbers.factors)
+    factors = doubled(numbers.factors)
     values = PassData(
         np.concatenate([[0.0], numbers.constants * inverse[1:]]),
         structure.linear_rows,

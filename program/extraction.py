@@ -3,7 +3,7 @@ kind."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from math import nan
 
@@ -19,7 +19,7 @@ from dmoc.mechanics.model_trajectory import motion_along
 from dmoc.mechanics.touch import friction_changes
 from dmoc.motion.trajectory import FORCES, Collision, Phase, Trajectory
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import NOWHERE, Block
+from dmoc.program.blocks import NOWHERE
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import cost_of
 from dmoc.program.sharing import shared
@@ -322,23 +322,21 @@ def multiplier_vectors(
 ) -> tuple[Array, Array, Array]:
     """Return y, w and z, shapes (n_eq,), (n_in,) and (n,), from multipliers by kind, shape (count,)
     each; kinds of another shape, or that are not given, are zero."""
-
-    def collected(blocks: Sequence[Block]) -> Array:
-        there = [b for b in blocks if b.count]
-        parts = [np.ravel(named.get(b.name, ())) for b in there]
-        fitting = [
-            p if len(p) == b.count else np.zeros(b.count) for p, b in zip(parts, there, strict=True)
-        ]
-        return np.concatenate([*fitting, np.zeros(0)])
-
-    z = np.asarray(named.get("bounds", ()))
+    rows, z = collected_multipliers(nlp, named)
     sizes = _sizes_of_multipliers(nlp)
-    z = z if len(z) == nlp.n else np.zeros(nlp.n)
-    return (
-        collected(nlp.equalities) / sizes[0],
-        collected(nlp.inequalities) / sizes[1],
-        z / sizes[2],
-    )
+    return rows[: nlp.n_eq] / sizes[0], rows[nlp.n_eq :] / sizes[1], z / sizes[2]
+
+
+def collected_multipliers(nlp: Transcription, named: Mapping[str, Array]) -> tuple[Array, Array]:
+    """Multipliers of the rows and of the unknowns in units of the problem, shapes (n_eq + n_in,)
+    and (n,), as :func:`multiplier_vectors` takes them."""
+    parts = [np.zeros(0)]
+    for block in (*nlp.equalities, *nlp.inequalities):
+        if block.count:
+            part = np.ravel(named.get(block.name, ()))
+            parts.append(part if len(part) == block.count else np.zeros(block.count))
+    z = np.asarray(named.get("bounds", ()))
+    return np.concatenate(parts), z if len(z) == nlp.n else np.zeros(nlp.n)
 
 
 def stated_in_rates(problem: Problem, named: Mapping[str, Array]) -> bool:

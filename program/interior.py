@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -13,22 +13,35 @@ from dmoc.problem.problem import Problem
 from dmoc.program.blocks import Index
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
+from dmoc.program.stacked import Stacked
 
 # A bound that lies on a surface gives way by this share of the coordinate's size.
 GIVES_WAY = 1e-3
 
 
 def give_way(
-    problem: Problem, box: Array, scale: Scale, places: Iterable[tuple[Index, int]]
+    problem: Problem | Stacked, box: Array, scale: Scale, places: Iterable[tuple[Index, int]]
 ) -> None:
     """Move bounds of a coordinate that a surface holds where they are; ``places`` are coordinates,
     shape (n, nq), and their surfaces."""
-    chosen = by_design(problem, "surface")
+    model = problem.model
+    few = [(at, j) for at, j in places if len(model.surface_coordinates[j]) == 1]
+    few = [(at, j) for at, j in few if j not in model.moving]
+    if isinstance(problem, Problem):
+        _give_way(problem, box, scale.q, few)
+        return
+    for one, own, q in zip(problem.each, box, scale.q, strict=True):
+        _give_way(one, own, q, few)
+
+
+def _give_way(
+    problem: Problem, box: Array, size_q: Array, places: Sequence[tuple[Index, int]]
+) -> None:
+    chosen = by_design(problem, "surface") if places else ()
     for coordinates, surface in places:
-        involved = problem.model.surface_coordinates[surface]
-        if len(involved) > 1 or surface in problem.model.moving or chosen[surface]:
+        if chosen[surface]:
             continue
-        j = int(involved[0])
+        j = int(problem.model.surface_coordinates[surface][0])
         unknowns = coordinates[:, j]
         unknowns = unknowns[box[unknowns, 0] < box[unknowns, 1]]
         for side, sign in enumerate((-1.0, 1.0)):
@@ -36,7 +49,7 @@ def give_way(
                 q = np.zeros(problem.nq)
                 q[j] = limit
                 if np.isfinite(limit) and near_surface(problem.model, q, surface, 0.0):
-                    way = sign * GIVES_WAY * max(abs(limit), scale.q[j])
+                    way = sign * GIVES_WAY * max(abs(limit), size_q[j])
                     box[unknowns[box[unknowns, side] == limit], side] = limit + way
 
 

@@ -345,10 +345,10 @@ class Layout(Unknowns):
         return [x_k[:, a:b] for a, b in zip([0, *ends], [*ends, x_k.shape[1]], strict=True)]
 
     def step_inputs(self, x: Array) -> list[Array]:
-        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step as arrays of shape (total,
-        size)."""
-        *before, t_k, q_i = (x[at] for at in self._index_of_parts)
-        return [*before, t_k if self.timed else np.zeros((self.total, 1)), q_i]
+        """Return q_k, q_kp1, u_k, u_kp1, h, t_k and q_i of every step of unknowns x, shape (...,
+        n), as arrays of shape (..., total, size)."""
+        *before, t_k, q_i = (x.take(at, axis=-1) for at in self._index_of_parts)
+        return [*before, t_k if self.timed else np.zeros((*x.shape[:-1], self.total, 1)), q_i]
 
 
 def _ranged_rows(problem: Problem, ranges: Array) -> list[FunctionFacts]:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from typing import Any
+
 import numpy as np
 
 from dmoc.base.names import momentum_name, velocity_name
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
+
+SINGLE = ("time", "cost", "energy")  # sizes that are numbers
 
 
 @record(frozen=True, eq=False)
@@ -16,7 +21,8 @@ class Scale:
     gaps, their rates and impulses (nc,); sliding velocities and friction impulses (nt,); path
     constraints; quantities; totals and peaks of an objective; hidden unknowns; step sizes
     (phases,); rates and impulses of the constraints of the model (nj,); crossing functions (nw,);
-    quantities of hits; design parameters; ends of surfaces and their rates (nc,)."""
+    quantities of hits; design parameters; ends of surfaces and their rates (nc,).  Those of several
+    problems have a leading axis for them."""
 
     time: float
     cost: float
@@ -59,6 +65,15 @@ class Scale:
             "within": nc, "within_rate": nc,
         }  # fmt: skip
         return cls(1.0, 1.0, 1.0, **{name: np.ones(count) for name, count in counts.items()})
+
+    def spread(self, count: int) -> Scale:
+        """The same sizes, all with a leading axis for so many problems."""
+        parts = dict[str, Any]()
+        for f in fields(self):
+            part = np.asarray(getattr(self, f.name))
+            own = part.shape[part.ndim - (f.name not in SINGLE) :]
+            parts[f.name] = np.broadcast_to(part, (count, *own))
+        return Scale(**parts)
 
     def named(self, problem: Problem) -> dict[str, float]:
         """Sizes by name, as results show them."""

@@ -7,7 +7,8 @@ that a problem stated in other units has the same scaled program.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Index
 from dmoc.program.force_unknowns import sizes as pushing
 from dmoc.program.implied_values import lifted, quantity_inputs
 from dmoc.program.iterate import Iterate
 from dmoc.program.layout import Layout
-from dmoc.program.scale import Scale
+from dmoc.program.path_sizes import finite, path_sizes
+from dmoc.program.scale import SINGLE, Scale
+from dmoc.program.stacked import Stacked
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
 from dmoc.program.totals import hit_quantities, of_hits, peaks_at, totals_at
 
@@ -34,9 +36,6 @@ FAINT = 1e-2
 FLAT = 1e-3
 # Share of its range that the size of a design parameter is at least.
 NARROW = 1e-2
-# Newton steps to where a path constraint is met, and its value there as a share of what unknowns of
-# their sizes move it by.
-NEWTON, MET = 12, 1e-6
 # Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are
 # weighed against in merit functions and barriers.
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
@@ -85,7 +84,7 @@ def _measured(at: Iterate) -> Reached:
     q, t, rates = at.q, at.t, at.rates
     middle, now = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     mass, F = model.equations(middle, rates, t=now)
-    kinetic = _finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
+    kinetic = finite(np.einsum("ki,kij,kj->k", rates, mass, rates) / 2, 0.0).max(initial=0.0)
     places = (
         slopes(q, t)
         for slopes in (
@@ -93,23 +92,23 @@ def _measured(at: Iterate) -> Reached:
             models[0].within_slopes,
         )
     )  # fmt: skip
-    gap, tangent, joint, within = (np.abs(_finite(slopes, 0.0)).max(axis=0) for slopes in places)
+    gap, tangent, joint, within = (np.abs(finite(slopes, 0.0)).max(axis=0) for slopes in places)
     by_input = np.abs(model.input_matrix(middle, rates, t=now)).max(axis=0) if problem.nu else None
     return Reached(
         float(at.lay.durations(at.x).sum()),
         np.abs(q).max(axis=0),
         np.ptp(q, axis=0),
         np.abs(rates).max(axis=0),
-        _finite(np.abs(model.momentum(middle, rates, now)).max(axis=0), 0.0),
-        _finite(np.abs(F).max(axis=0), 0.0),
-        _finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0),
+        finite(np.abs(model.momentum(middle, rates, now)).max(axis=0), 0.0),
+        finite(np.abs(F).max(axis=0), 0.0),
+        finite(np.abs(np.diagonal(mass, axis1=1, axis2=2)).max(axis=0), 1.0),
         float(kinetic),
         np.abs(at.x[at.lay.index_u]).max(axis=0, initial=0.0),
         np.zeros((problem.nq, 0)) if by_input is None else by_input,
         gap,
         tangent,
         joint,
-        np.abs(_finite(model.crossing_slopes(middle, rates, now), 0.0)).max(axis=0),
+        np.abs(finite(model.crossing_slopes(middle, rates, now), 0.0)).max(axis=0),
         within,
         cost_of(at),
         np.abs(model.step_cost_slopes(at.steps)),
@@ -124,47 +123,72 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
     at = Iterate.of(problem, x)
     problem, lay, model = at.problem, at.lay, at.problem.model
     with np.errstate(all="ignore"):
-        reached = _reached(at)
-        scale = _of_motion(at, reached, minimum)
-        sizes = lay.sizes(scale)
-        local = _local(lay, sizes)
-        cost = _cost(at, reached, (sizes, local, scale.v))
-        scale = replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST))
+        scale, local = _with_cost(at, _reached(at), minimum)
+        whole: Any = {name: float(getattr(scale, name)) for name in SINGLE}
+        scale = replace(scale, **whole)
         of_motion = scale.path, scale.quantity, scale.totals, scale.hit_quantity
         if not any(sizes.size for sizes in of_motion):
             return scale
         sized = _sized(at, scale)
-        path = _path(at, (at.steps, sized), local, "path")
+        path = path_sizes(at, (at.steps, sized), local, "path")
         pushed = np.tile(pushing(scale)[: model.ny], (lay.total, lay.scheme.points))
         local = np.hstack([local, pushed])
         inputs = quantity_inputs(at), [*sized, *[pushed] * bool(lay.force.count)]
-        quantity = _path(at, inputs, local, "quantity")
+        quantity = path_sizes(at, inputs, local, "quantity")
         totals = _totals(at, (at.steps, sized))
         of_steps, at_hits = ([j for j, _ in of] for of in (model.peaks_of, model.hit_peaks_of))
         peaks = np.concatenate([quantity[of_steps], scale.hit_quantity[at_hits]])
         return replace(scale, path=path, quantity=quantity, peaks=peaks, totals=totals)
 
 
+def scale_of_rows(problems: Stacked, lay: Layout, x: Array) -> Scale:
+    """The sizes of problems of one form at a minimum x, shape (n,), that is one of a neighbour, as
+    :func:`scale_of` reads them, with a leading axis for the problems: of motions that are free
+    between hits, without constraints of their paths."""
+    with np.errstate(all="ignore"):
+        reached = [_reached(Iterate(problem, lay, x)) for problem in problems.each]
+        of_all = reached[0]
+        if not all(one is of_all for one in reached):
+            every = ((f.name, [getattr(one, f.name) for one in reached]) for f in fields(Reached))
+            parts: dict[str, Any] = {name: np.array(part) for name, part in every}
+            of_all = Reached(**parts)
+        return _with_cost(Iterate(cast(Problem, problems), lay, x), of_all, True)[0]
+
+
+def _with_cost(at: Iterate, reached: Reached, minimum: bool) -> tuple[Scale, Array]:
+    """The sizes of what moves and pushes, and of the cost; and those of the unknowns of all steps,
+    shape (..., total, size)."""
+    scale = _of_motion(at, reached, minimum)
+    if isinstance(at.problem, Stacked):
+        scale = scale.spread(len(at.problem.each))
+    sizes = at.lay.sizes(scale)
+    local = _local(at.lay, sizes)
+    cost: Any = _cost(at, reached, (sizes, local, scale.v))
+    return replace(scale, cost=cost / (MINIMUM_COST if minimum else FIRST_COST)), local
+
+
 def _of_motion(at: Iterate, reached: Reached, minimum: bool) -> Scale:
     """The sizes of what moves and pushes; those of the cost, constraints and totals are 1."""
     problem, lay = at.problem, at.lay
-    time, force, inertia = reached.time, reached.force, reached.inertia
+    time, force, inertia = np.asarray(reached.time)[..., None], reached.force, reached.inertia
     size_q = _ranges(problem, reached)
     size_v = np.maximum(reached.rate, size_q / time)
     size_p = np.maximum(reached.p, inertia * size_q / time)
     forces = size_p / time, np.maximum(size_p / time, 0.0 if minimum else force)
     size_u = _inputs(problem, reached, forces)
-    moving, energy = (size_q, size_v, time), float(size_p @ size_v) / 2
+    moving, energy = (size_q, size_v, time), _product(size_p[..., None, :], size_v) / 2
     gap, rate = _places(reached.gap, moving)
     _, slide = _places(reached.tangent, moving)
     _, joint_rate = _places(reached.joint, moving)
-    states = np.append(size_q, size_v), np.append(size_v, size_v / time), time
+    by_state = np.concatenate([size_q, size_v], axis=-1)
+    by_rate = np.concatenate([size_v, size_v / time], axis=-1)
+    single: tuple[Any, Any, Any] = time[..., 0], np.ones_like(time[..., 0]), energy[..., 0]
     return Scale(
-        time, 1.0, energy, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
+        *single, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
         energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
         _hidden(at, (*moving, size_u)), at.x[lay.index_h], joint_rate,
-        energy / joint_rate, _places(reached.crossing, states)[0],
+        energy / joint_rate, _places(reached.crossing, (by_state, by_rate, time))[0],
         _hit_quantities(at), _designs(problem), *_places(reached.within, moving),
     )  # fmt: skip
 
@@ -175,7 +199,7 @@ def _hit_quantities(at: Iterate) -> Array:
         return np.zeros(0)
     values, there = hit_quantities(at)
     bounds = at.problem.hit_quantity_bounds
-    size = np.abs(np.where(there, _finite(values, 0.0), 0.0)).max(axis=0, initial=0.0)
+    size = np.abs(np.where(there, finite(values, 0.0), 0.0)).max(axis=0, initial=0.0)
     bounded = np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(axis=1, initial=0.0)
     size = np.maximum(size, bounded)
     return np.where(size > 0, size, 1.0)
@@ -186,8 +210,8 @@ def _totals(at: Iterate, steps: tuple[list[Array], list[Array]]) -> Array:
     signs, with the hits of a motion, in it and in one whose velocities and inputs are of their
     sizes."""
     both, bounds = (lifted(at, step) for step in steps), at.problem.total_bounds
-    parts = [np.abs(_finite(at.model.integrals(s), 0.0)).sum(axis=0) for s in both]
-    hits = np.abs(_finite(of_hits(at), 0.0)).sum(axis=0)
+    parts = [np.abs(finite(at.model.integrals(s), 0.0)).sum(axis=0) for s in both]
+    hits = np.abs(finite(of_hits(at), 0.0)).sum(axis=0)
     np.add.at(parts[0], at.model.hit_sums[:, 0], hits)
     bounds = np.where(np.isfinite(bounds), np.abs(bounds), 0.0)
     size = np.maximum(np.max(parts, axis=0), bounds.max(axis=1, initial=0.0))
@@ -213,24 +237,20 @@ def _designs(problem: Problem) -> Array:
     return np.where(size > 0, size, 1.0)
 
 
-def _finite(values: Array, otherwise: float) -> Array:
-    return np.where(np.isfinite(values), values, otherwise)
-
-
 def _ranges(problem: Problem, reached: Reached) -> Array:
     """Ranges of the coordinates; one that hardly moves by its share of the energy or of its speed
     at an end, and where nothing moves by what there is to go by."""
-    time, inertia, force = reached.time, reached.inertia, reached.force
-    fast = np.maximum(np.sqrt(2 * reached.kinetic / inertia), problem.end_speeds)
+    time, inertia, force = np.asarray(reached.time)[..., None], reached.inertia, reached.force
+    kinetic = np.asarray(reached.kinetic)[..., None]
+    fast = np.maximum(np.sqrt(2 * kinetic / inertia), problem.end_speeds)
     spread = np.maximum(reached.range, STILL * time * fast)
     box = problem.coordinate_bounds
-    width = np.where(
-        np.isfinite(box).all(axis=1), np.ptp(np.where(np.isfinite(box), box, 0.0), axis=1), 0.0
-    )
+    bounded = np.isfinite(box)
+    width = np.where(bounded.all(axis=-1), np.ptp(np.where(bounded, box, 0.0), axis=-1), 0.0)
     # A motion that stands still but for what solvers leave is no measure of anything.
     way = force * time**2 / inertia
     # One whose forces balance counts by its share of what those of the others do.
-    way = np.maximum(way, STILL * np.sqrt((inertia * way**2).max() / inertia))
+    way = np.maximum(way, STILL * np.sqrt((inertia * way**2).max(axis=-1, keepdims=True) / inertia))
     least = np.maximum(ROUNDING * problem.reach, BALANCED * way)
     spread = np.where(spread > least, spread, 0.0)
     unsaid, place = problem.unsaid * problem.reach, reached.q
@@ -249,39 +269,45 @@ def _inputs(problem: Problem, reached: Reached, forces: tuple[Array, Array]) -> 
     acts = reached.by_input > 0
     reach = np.where(acts, reached.by_input, 1.0)
     needed, balancing = (
-        _finite(np.where(acts, force[:, None] / reach, np.inf).min(axis=0), 0.0) for force in forces
+        finite(np.where(acts, force[..., None] / reach, np.inf).min(axis=-2), 0.0)
+        for force in forces
     )
     size = np.maximum(reached.u, needed)
     size = np.where(size > FAINT * balancing, size, balancing)
     box = problem.input_bounds
-    limit = np.abs(box).max(axis=1)
+    limit = np.abs(box).max(axis=-1)
     size = np.where(np.isfinite(limit) & (limit > 0), np.minimum(size, limit), size)
     return np.where(size > 0, size, 1.0)
 
 
-def _hidden(at: Iterate, sizes: tuple[Array, Array, float, Array]) -> Array:
+def _hidden(at: Iterate, sizes: tuple[Array, Array, Array, Array]) -> Array:
     """Sizes of the hidden unknowns: of their values, and of what moves them."""
     if not at.problem.model.ns:
         return np.zeros(0)
     q, t, v, u, model = at.q, at.t, at.rates, at.steps[2], at.model
     q, t = (q[:-1] + q[1:]) / 2, (t[:-1] + t[1:]) / 2
     size_q, size_v, time, size_u = sizes
-    values = _finite(np.abs(model.hidden(q, v, u, t)), 0.0).max(axis=0)
-    slopes = np.abs(_finite(model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
-    size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, [time]]))
+    values = finite(np.abs(model.hidden(q, v, u, t)), 0.0).max(axis=0)
+    slopes = np.abs(finite(model.hidden_slopes(q, v, u, t), 0.0)).max(axis=0)
+    size = np.maximum(values, slopes @ np.concatenate([size_q, size_v, size_u, time]))
     return np.where(size > 0, size, 1.0)
 
 
-def _places(slope: Array, sizes: tuple[Array, Array, float]) -> tuple[Array, Array]:
+def _places(slope: Array, sizes: tuple[Array, Array, Array]) -> tuple[Array, Array]:
     """Sizes of gaps or tangents and of their rates, from their largest slopes along a motion: how
     far coordinates, velocities and a time of their sizes move them; or of crossing functions, by
     states and their rates."""
-    if not len(slope):
+    if not slope.shape[-2]:
         return np.zeros(0), np.zeros(0)
     size_q, size_v, time = sizes
-    by_q, by_t = slope[:, :-1], slope[:, -1]
-    place, rate = by_q @ size_q + by_t * time, by_q @ size_v + by_t
+    by_q, by_t = slope[..., :-1], slope[..., -1]
+    place, rate = _product(by_q, size_q) + by_t * time, _product(by_q, size_v) + by_t
     return np.where(place > 0, place, 1.0), np.where(rate > 0, rate, 1.0)
+
+
+def _product(A: Array, x: Array) -> Array:
+    """A x of matrices (..., m, n) and vectors (..., n)."""
+    return np.asarray((A @ x[..., None])[..., 0])
 
 
 def cost_of(at: Iterate) -> float:
@@ -294,71 +320,23 @@ def cost_of(at: Iterate) -> float:
     return float(value + models[0].objective(*shared, start[:2], end[:2]))
 
 
-def _cost(at: Iterate, reached: Reached, of: tuple[Array, Array, Array]) -> float:
+def _cost(at: Iterate, reached: Reached, of: tuple[Array, Array, Array]) -> Array:
     """Size of the cost: its value, at least a small share of what its slopes and curvatures make
     of the sizes ``of`` the unknowns, of those of each step, and of the velocities."""
-    (sizes, local, speeds), value = of, reached.cost
-    slope = (reached.cost_slopes * local).sum()
-    bend = (reached.cost_curvatures * local**2).sum() / 2
+    sizes, local, speeds = of
+    rows = *local.shape[:-2], -1
+    slope = (reached.cost_slopes * local).reshape(rows).sum(axis=-1)
+    bend = (reached.cost_curvatures * local**2).reshape(rows).sum(axis=-1) / 2
     if at.problem.model.ns:
         every = np.hstack([local, sizes[at.lay.hidden_of_kernels]])
         slope += np.abs(at.model.lifted_cost_slopes(lifted(at, at.steps)) * every).sum()
-    around = np.concatenate([sizes[at.lay.index_q[-1]], speeds, [reached.time]])
-    slope += (reached.end_slopes * around).sum()
-    flat = FLAT * float(slope + bend)
-    size = max(abs(value), flat if np.isfinite(flat) else 0.0)
-    return size if np.isfinite(size) and size > 0 else 1.0
+    time = np.broadcast_to(reached.time, speeds.shape[:-1])[..., None]
+    around = np.concatenate([sizes[..., at.lay.index_q[-1]], speeds, time], axis=-1)
+    flat = FLAT * (slope + (reached.end_slopes * around).sum(axis=-1) + bend)
+    size = np.maximum(np.abs(reached.cost), np.where(np.isfinite(flat), flat, 0.0))
+    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
 def _local(lay: Layout, sizes: Array) -> Array:
     """Sizes of the unknowns of all steps."""
-    return np.where(lay.index_step < 0, 0.0, sizes[lay.index_step])
-
-
-def _path(at: Iterate, steps: tuple[list[Array], ...], local: Array, kind: str) -> Array:
-    """Sizes of the path constraints, or of the quantities: the largest change that an unknown of
-    its ``local`` size makes in any step, of a constraint that the motion is near to the limit of
-    where it is met; of what none changes, as a product where both factors vanish, the largest value
-    in these ``steps`` or in sized ones."""
-    kernels, model = at.problem.kernels, at.model
-    count = len(kernels.quantities if kind == "quantity" else kernels.manifest.path_rows)
-    if not count:
-        return np.ones(0)
-    changes = _finite(np.abs(model.path_slopes(steps[0], kind) * local[:, None]), 0.0)
-    size = changes.max(axis=(0, 2)).reshape(-1, count).max(axis=0)
-    if kind == "path":
-        at_limits = _at_limits(at, local, count)
-        size = np.where(at_limits > 0, at_limits, size)
-    for step in steps:
-        values = _finite(np.abs(model.path(step, kind)), 0.0).max(axis=0)
-        size = np.where(size > 0, size, values.reshape(-1, count).max(axis=0))
-    return np.where(size > 0, size, 1.0)
-
-
-def _at_limits(at: Iterate, local: Array, count: int) -> Array:
-    """The largest changes of path constraints (count,) by unknowns of their sizes where each is
-    met, near the step that is closest to there; zero where that is farther away than these sizes.
-    A violation divided by them is a distance."""
-    phases, rows, step = at.lay.phase_of_step, np.arange(count), at.steps
-
-    def looked_at(phases: Index, step: list[Array], local: Array) -> tuple[Array, Array]:
-        """Values and changes of all constraints at their places."""
-        model = at.problem.models.along(phases)
-        return model.path(step), model.path_slopes(step) * local[:, None]
-
-    values, changes = looked_at(phases, step, local)
-    far = np.abs(values) / np.sqrt((changes * changes).sum(axis=2))
-    far = _finite(far, np.inf).reshape(-1, count)
-    places = values.shape[1] // count
-    nearest, place = np.divmod(far.argmin(axis=0), places)
-    column, size = place * count + rows, local[nearest]
-    begin, moved = np.hstack([part[nearest] for part in step]), np.zeros_like(size)
-    ends = np.cumsum([part.shape[1] for part in step])[:-1]
-    for _ in range(NEWTON):
-        state = np.split(begin + moved * size, ends, axis=1)
-        values, changes = looked_at(phases[nearest], state, size)
-        value, change = values[rows, column], changes[rows, column]
-        moved = moved - (value / (change * change).sum(axis=1))[:, None] * change
-    most = np.abs(change).max(axis=1)
-    met = (np.abs(value) <= MET * most) & (np.abs(moved).max(axis=1) <= 1)
-    return np.where(met, most, 0.0)
+    return np.where(lay.index_step < 0, 0.0, sizes.take(lay.index_step, axis=-1))

@@ -25,7 +25,7 @@ v_c, in these places because files keep multipliers in this order),
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -229,8 +229,9 @@ class _States:
         )
         yield block("p_B", (len(p),), lambda i: f"{p[i]} at the start", lambda s: s.p)
         yield block("p_E", (len(p),), lambda i: f"{p[i]} at the goal", lambda s: s.p)
-        yield block("v_B", (at_start,), lambda i: f"{v[i]} at the start", lambda s: s.v[:at_start])
-        yield block("v_E", (at_end,), lambda i: f"{v[i]} at the goal", lambda s: s.v[:at_end])
+        v_B, v_E = (partial(_first, count) for count in (at_start, at_end))
+        yield block("v_B", (at_start,), lambda i: f"{v[i]} at the start", v_B)
+        yield block("v_E", (at_end,), lambda i: f"{v[i]} at the goal", v_E)
 
     def of_steps(self, block: Numbering) -> Iterator[Block]:
         """Times of nodes, coordinates inside steps, and hidden unknowns."""
@@ -271,6 +272,11 @@ class _States:
             lambda k, i: f"time {self._inside(i)} step {k}",
             lambda s: s.time,
         )
+
+
+def _first(count: int, scale: Scale) -> Array:
+    """Sizes of the first velocities."""
+    return scale.v[..., :count]
 
 
 def _of_objective(block: Numbering, kind: Kind) -> Iterator[Block]:

@@ -1,6 +1,6 @@
 """Entry to the interior-point method in C, and to its factorisation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -59,6 +59,22 @@ def interior_points(
     most: int,
     seconds: float,
 ) -> None: ...
+
+class Rows:
+    def __init__(
+        self,
+        program: Program,
+        layout: KKTLayout,
+        elements: Sequence[tuple[Ints, ...]],
+        numbers: tuple[Array, ...],
+        point: tuple[Array, ...],
+        ends: tuple[Ints, ...],
+        of_form: tuple[Array, Array, Array, int],
+        demands: Mapping[str, float],
+        limits: Mapping[str, float],
+    ) -> None: ...
+    def solve(self, seconds: float) -> int: ...
+
 def interior_memory(program: Any, layout: Any) -> int: ...
 def kkt_pattern(
     place: Ints,

@@ -1,14 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, binding=False
 """Entry to the interior-point method in C (interior_point.h), and to its factorisation
 (factorisation.pxi); what a point leaves of the optimality conditions (residuals.pxi), of first and
-of second order (second_order.pxi)."""
+of second order (second_order.pxi); solves of many neighbours (rows.pxi)."""
 from cpython.exc cimport PyErr_CheckSignals
 from cpython.pycapsule cimport PyCapsule_GetPointer
 from cpython.ref cimport PyObject
 from libc.math cimport INFINITY
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
-from passes cimport dmoc_program
+from passes cimport dmoc_assemble, dmoc_program, dmoc_put
 
 import numpy as np
 
@@ -39,6 +39,7 @@ cdef extern from "interior_point.h" nogil:
         int status, iterations, restorations
         long factorisations
         double seconds_kernels, seconds_linear, seconds
+    enum: DMOC_INTERRUPTED
     size_t dmoc_interior_memory(const dmoc_program *program, const dmoc_kkt *kkt)
     dmoc_result dmoc_interior_point(const dmoc_program *program, const dmoc_kkt *kkt,
                                     const dmoc_options *options, const double *size,
@@ -319,3 +320,6 @@ cdef int[::1] _sorted(int[::1] digit, int[::1] order, int size):
             found[first[d]] = order[e]
             first[d] += 1
     return found
+
+
+include "rows.pxi"

@@ -47,6 +47,11 @@ CURVED = 1e-10  # of all unknowns, relative to the cost, where the curvature of 
 # Curvatures that are added until K has the signs: from the least one, by a factor, so many; and
 # bisections between the last two.
 RAISED, MOST_RAISES, BISECTIONS = 100.0, 12, 4
+# What compiled code takes of these numbers to see a bowl (rows.pxi).
+STRICT = {
+    "clearly": CLEARLY, "noise": NOISE, "level": LEVEL, "bent": BENT, "fixed": FIXED,
+    "relaxed": RELAXED, "held": ACTIVE_ROW, "idle": IDLE,
+}  # fmt: skip
 # Iterations towards a direction, and the change of its curvature that ends them.
 ITERATIONS, STEADY = 40, 0.02
 # Rates of what holds along a direction of size 1 that are rounding errors.
@@ -93,8 +98,7 @@ class SecondOrder:
         self.nlp, self.x, self.duals = nlp, x, duals
         self.free = nlp.lower < nlp.upper
         self.active, self.perhaps = self._holding()
-        # in a tuple, because an array has no truth value
-        (self.weights,) = nlp.structure.once("weights", lambda: (_weights(nlp),))
+        self.weights, self._kept = of_program(nlp)
 
     def curvature(self) -> Curvature:
         """The shape of the cost.
@@ -181,17 +185,6 @@ class SecondOrder:
         nlp, layout = self.nlp, self._layout
         hess = nlp.program.curvatures(np.ascontiguousarray(self.x), self.duals.rows, 1.0)
         return entries_of(layout, hess, nlp.slopes(self.x)[nlp.n :])
-
-    @cached_property
-    def _kept(self) -> Array:
-        """Curvatures, shape (n,), of unknowns that the motion does not determine, since others have
-        the same effect. A direction that changes them alone tells nothing of the motion, and every
-        other one has its like that leaves them."""
-        kept = np.zeros(self.nlp.n)
-        for law in self.nlp.laws:
-            for index, _ in law.loose():
-                kept[index] = -FALLS
-        return kept * self.weights
 
     @cached_property
     def _size(self) -> float:
@@ -289,3 +282,18 @@ def _weights(nlp: Transcription) -> Array:
         if block.count and len(block.index) >= nlp.layout.total:
             weights[block.numbers] = 1 / len(block.index)
     return weights
+
+
+def of_program(nlp: Transcription) -> tuple[Array, Array]:
+    """Weights of the unknowns of a program in the length of a direction, and curvatures of those
+    that the motion does not determine, since others have the same effect, shape (n,) each. A
+    direction that changes these alone tells nothing of the motion, and every other one has its like
+    that leaves them."""
+
+    # in a tuple, because an array has no truth value
+    (weights,) = nlp.structure.once("weights", lambda: (_weights(nlp),))
+    kept = np.zeros(nlp.n)
+    for law in nlp.laws:
+        for index, _ in law.loose():
+            kept[index] = -FALLS
+    return weights, kept * weights

@@ -24,6 +24,9 @@ cdef extern from "ldl.h" nogil:
     void dmoc_ldl_solve(const dmoc_ldl *f, double *x)
 
 
+cdef double TINY = 1e-20  # a pivot of so much counts as zero
+
+
 cdef _copied(const int *array, int size):
     """A copy of an array of integers."""
     return np.array(<const int[:size]>array) if size else np.zeros(0, np.intc)
@@ -96,7 +99,7 @@ cdef class Factorisation:
             "place": _copied(f.place, f.entries),
         }
 
-    def factor(self, double[::1] values, double tiny=1e-20):
+    def factor(self, double[::1] values, double tiny=TINY):
         """Factorise; returns the numbers of positive, negative and zero pivots."""
         cdef double none = 0.0
         cdef double *numbers = _numbers(values, self.entries, "values", &none)

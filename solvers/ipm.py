@@ -60,13 +60,13 @@ def solve_starts(
     turn, stop = np.zeros(1, np.intc), np.zeros(1, np.intc)
     costs = np.array([nlp.program.values(at)[0] for at in x])
     size, mu = sizes(nlp, x), np.maximum(COLD * np.abs(costs), LEAST)
-    arrays = (size, _stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
+    arrays = (size, stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
 
     def each(own: Transcription) -> None:
         with np.errstate(all="ignore"):  # each thread has its own
             program, layout = own.program, kkt_layout(own)
         interior_points(
-            program, layout, *arrays, **_demands(options), most=options.iterations,
+            program, layout, *arrays, **demands(options), most=options.iterations,
             seconds=options.deadline.left,
         )  # fmt: skip
 
@@ -158,14 +158,14 @@ def _minimise(
         nlp.program,
         prepared,
         sizes(nlp, x),
-        _stretches(nlp),
+        stretches(nlp),
         x,
         y,
         z_lower,
         z_upper,
         price=price,
         least_violation=price is not None,
-        **_demands(options),
+        **demands(options),
         mu=_first_barrier(nlp, x, WARM if warm else COLD, least),
         warm=warm,
         iterations=options.iterations,
@@ -175,7 +175,7 @@ def _minimise(
     )
 
 
-def _demands(options: Options) -> dict[str, Any]:
+def demands(options: Options) -> dict[str, Any]:
     """Tolerances of the method at an end."""
     return {
         "optimality": min(options.optimality, BARRIER_END),
@@ -198,7 +198,7 @@ def sizes(nlp: Transcription, x: Array) -> Array:
     return size
 
 
-def _stretches(nlp: Transcription) -> Array:
+def stretches(nlp: Transcription) -> Array:
     """Largest ratio of an unknown in two iterates."""
     stretch = np.full(nlp.n, np.inf)
     stretch[nlp.layout.index_h] = STRETCH

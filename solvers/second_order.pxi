@@ -11,24 +11,37 @@ def holding(
     them, and of those that may.  A multiplier, relative to the cost, that is ``clearly`` times the
     distance and above the ``noise`` says that they do; the other way round, that they do not.
     Fixed unknowns are in none of both."""
-    cdef ptrdiff_t n = x.shape[0], rows = d.shape[0], i
-    cdef double low, high
+    cdef ptrdiff_t n = x.shape[0], rows = d.shape[0]
     if not lower.shape[0] == upper.shape[0] == z.shape[0] == n or w.shape[0] != rows:
         raise ValueError(f"expected numbers of {n} unknowns and of {rows} inequalities")
     active, perhaps = np.zeros(n + equations + rows, bool), np.zeros(n + equations + rows, bool)
     cdef unsigned char[::1] holds = active.view(np.uint8), may = perhaps.view(np.uint8)
     with nogil:
-        for i in range(n):
-            if lower[i] < upper[i]:
-                low, high = x[i] - lower[i], upper[i] - x[i]
-                low = low if z[i] > 0 or (z[i] == 0 and low < high) else high
-                _hold(&holds[i], &may[i], low, fabs(z[i])/cost, clearly, noise)
-        for i in range(equations):
-            holds[n + i] = True
-        for i in range(n + equations, n + equations + rows):
-            _hold(&holds[i], &may[i], d[i - n - equations], w[i - n - equations]/cost, clearly,
-                  noise)
+        hold(
+            n, equations, rows, &x[0], &lower[0], &upper[0], &z[0], &d[0], &w[0], cost, clearly,
+            noise, &holds[0], &may[0],
+        )
     return active, perhaps
+
+
+cdef void hold(
+    ptrdiff_t n, ptrdiff_t equations, ptrdiff_t rows, const double *x, const double *lower,
+    const double *upper, const double *z, const double *d, const double *w, double cost,
+    double clearly, double noise, unsigned char *holds, unsigned char *may,
+) noexcept nogil:
+    cdef ptrdiff_t i
+    cdef double low, high
+    for i in range(n):
+        holds[i] = may[i] = False
+        if lower[i] < upper[i]:
+            low, high = x[i] - lower[i], upper[i] - x[i]
+            low = low if z[i] > 0 or (z[i] == 0 and low < high) else high
+            _hold(&holds[i], &may[i], low, fabs(z[i])/cost, clearly, noise)
+    holds, may = holds + n, may + n
+    for i in range(equations):
+        holds[i], may[i] = True, False
+    for i in range(rows):
+        _hold(&holds[equations + i], &may[equations + i], d[i], w[i]/cost, clearly, noise)
 
 
 cdef inline void _hold(
@@ -47,10 +60,18 @@ def largest_bend(
     """The largest second derivative by a free unknown, over its weight, from the entries of K that
     are those of H; infinite where one is no number."""
     cdef const int[::1] diagonal = layout.diagonal
-    cdef ptrdiff_t n = weights.shape[0], i
-    cdef double most = 0.0
+    cdef ptrdiff_t n = weights.shape[0]
     if not lower.shape[0] == upper.shape[0] == n or diagonal.shape[0] < n:
         raise ValueError(f"expected numbers of {n} unknowns")
+    return bend_of(n, &diagonal[0], &hess[0], &weights[0], &lower[0], &upper[0])
+
+
+cdef double bend_of(
+    ptrdiff_t n, const int *diagonal, const double *hess, const double *weights,
+    const double *lower, const double *upper,
+) noexcept nogil:
+    cdef ptrdiff_t i
+    cdef double most = 0.0
     for i in range(n):
         if lower[i] < upper[i]:
             most = larger(most, fabs(hess[diagonal[i]])/weights[i])
@@ -68,24 +89,37 @@ def signs(
     and of zero pivots."""
     cdef const int[::1] diagonal = layout.diagonal
     cdef const unsigned char[::1] holds = active.view(np.uint8)
-    cdef ptrdiff_t n = curvatures.shape[0], every = holds.shape[0], i
+    cdef ptrdiff_t n = curvatures.shape[0], every = holds.shape[0]
     cdef ptrdiff_t size = hess.shape[0]
-    cdef double add
     if diagonal.shape[0] != every or n + equations > every or jac.shape[0] != size:
         raise ValueError(f"expected what holds {diagonal.shape[0]} unknowns and rows")
     K = np.empty(size)
     cdef double[::1] entries = K
+    put_signs(
+        size, n, equations, every, &diagonal[0], &hess[0], &jac[0], &holds[0], &curvatures[0],
+        fixed, relaxed, held, idle, &entries[0],
+    )
+    positive, _, zero = factorisation.factor(K)
+    return positive, zero
+
+
+cdef void put_signs(
+    ptrdiff_t size, ptrdiff_t n, ptrdiff_t equations, ptrdiff_t every, const int *diagonal,
+    const double *hess, const double *jac, const unsigned char *holds, const double *curvatures,
+    double fixed, double relaxed, double held, double idle, double *K,
+) noexcept nogil:
+    """The entries of K with its diagonal."""
+    cdef ptrdiff_t i
+    cdef double add
     for i in range(size):
-        entries[i] = hess[i] + jac[i]
+        K[i] = hess[i] + jac[i]
     for i in range(every):
         if diagonal[i] >= 0:
             if i < n:
                 add = fixed if holds[i] else curvatures[i]
             else:
                 add = -idle if not holds[i] else -relaxed if i < n + equations else -held
-            entries[diagonal[i]] += add
-    positive, _, zero = factorisation.factor(K)
-    return positive, zero
+            K[diagonal[i]] += add
 
 
 def left_by_barrier(

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.methods import SEARCHING, usual
+from dmoc.solving.row import Row, row_of
+from dmoc.solving.rows import solved_rows
 from dmoc.solving.solve import solved
 from dmoc.solving.starts import InitialGuess, loaded
 from dmoc.solving.workforce import NoMoreWork, Work, workforce
@@ -55,25 +57,6 @@ class BatchProgress:
     def __str__(self) -> str:
         counts = "  ".join(f"{n} {status}" for status, n in self.counts.items())
         return f"{self.done} of {self.total}: {counts}  {self.seconds:.0f} s"
-
-
-@dataclass(frozen=True)
-class Row:
-    """What a batch keeps of one problem, the one of a number."""
-
-    number: int
-    status: str
-    message: str
-    cost: float = np.nan
-    final_time: float = np.nan
-    collisions: tuple[str, ...] = ()
-    times: tuple[float, ...] = ()
-    impulses: tuple[float, ...] = ()
-    iterations: int = 0
-    check: str = ""
-    design: Mapping[str, float] = field(default_factory=dict)
-    seconds: float = 0.0
-    solution: Solution | None = None
 
 
 @dataclass
@@ -241,36 +224,59 @@ def _answers(
     """Rows as they come."""
     workers, executor = batch.workers, batch.executor
     alone, pace = executor is None and workers == 1, Pace()
+    may_share = isinstance(of_solves[1], Solution) and not batch.keep
 
     def shares() -> Iterator[Share]:
         begin = 0
         while begin < len(problems) and not deadline.passed:
             left = len(problems) - begin  # each worker gets some of them
-            size = 1 if alone else min(pace.together, left // (2 * workers) + 1)
+            size = min(pace.together, left if alone else left // (2 * workers) + 1)
+            size = 1 if alone and not may_share else size
             part = tuple((i, problems[i]) for i in range(begin, begin + size))
             yield Share(part, *of_solves, batch.keep, deadline)
             begin += size
 
     if alone:
-        yield from map(solve_share, shares())
-        return
-    work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
-    others = stack.enter_context(workforce(workers, executor))
-    for rows in others(work, shares(), Deadline(deadline.at + UNDER_WAY)):
+        answers: Iterator[list[Row]] = map(solve_share, shares())
+    else:
+        work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
+        others = stack.enter_context(workforce(workers, executor))
+        answers = others(work, shares(), Deadline(deadline.at + UNDER_WAY))
+    for rows in answers:
         pace.count(rows)
         yield rows
 
 
 def solve_share(share: Share) -> list[Row]:
-    """Solve the problems of a share one after the other, in any process."""
-    rows: list[Row] = []
+    """Solve the problems of a share one after the other, in any process; neighbours of one form
+    together."""
+    rows = list[Row]()
+    try:
+        together = _together(share)
+    except KeyboardInterrupt:
+        return [_interrupted(share.problems[0][0])]
     for number, problem in share.problems:
-        if share.deadline.passed:
+        if number not in together and share.deadline.passed:
             break
-        rows.append(_row(number, problem, share))
+        rows.append(together.get(number) or _row(number, problem, share))
         if rows[-1].status == Status.INTERRUPTED:
             break
     return rows
+
+
+def _together(share: Share) -> dict[int, Row]:
+    """The rows of neighbours, by number, where no solution is kept."""
+    if share.keep:
+        return {}
+    stated = [(i, p) for i, p in share.problems if isinstance(p, Problem)]
+    try:
+        return solved_rows(stated, share.keywords, share.guess, share.deadline)
+    except DmocError:  # that of a single problem is its row
+        return {}
+
+
+def _interrupted(number: int) -> Row:
+    return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
 
 
 def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
@@ -281,30 +287,12 @@ def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
         keywords = replace(share.keywords, seconds=share.deadline.seconds)
         s = solved(problem, keywords, share.guess)
     except KeyboardInterrupt:
-        return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
+        return _interrupted(number)
     except DmocError as error:
         return Row(number, REFUSED, str(error), seconds=time.perf_counter() - begin)
     except Exception as error:
         return Row(number, FAILED, f"{type(error).__name__}: {error}")
-    spent = time.perf_counter() - begin
-    # travels without the kernels, which the caller has
-    bare = replace(s, kernels=None) if share.keep else None
-    ended = Row(
-        number, str(s.status), s.message, iterations=s.iterations, seconds=spent, solution=bare
-    )
-    if not s.converged:
-        return ended
-    check = s.verification
-    return replace(
-        ended,
-        cost=s.cost,
-        final_time=s.final_time,
-        collisions=tuple(c.word for c in s.collisions),
-        times=tuple(c.time for c in s.collisions),
-        impulses=tuple(c.impulse for c in s.collisions),
-        check="" if check is None else "passed" if check.passed else "failed",
-        design=dict(s.design),
-    )
+    return row_of(number, s, time.perf_counter() - begin, share.keep)
 
 
 def _lost(share: Share, why: str) -> list[Row]:

@@ -38,6 +38,7 @@ from dmoc.program.blocks import (
 from dmoc.program.laws.law import Law
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
+from dmoc.program.stacked import Stacked
 from dmoc.program.terms import Places, Term
 
 if TYPE_CHECKING:
@@ -137,14 +138,14 @@ class EndsLaw(Law):
             "start velocity",
             lay.index_v_B.shape,
             lambda i: f"{p[i]} at the start",
-            lambda s: s.p[: len(lay.index_v_B)],
+            lambda s: s.p[..., : len(lay.index_v_B)],
             missed=fits("start"),
         )
         self.goal_velocity = block(
             "goal velocity",
             (0 if lay.ends_with_event else len(lay.index_v_E),),
             lambda i: f"{p[i]} at the goal",
-            lambda s: s.p[: len(lay.index_v_E)],
+            lambda s: s.p[..., : len(lay.index_v_E)],
             missed=fits("goal"),
         )
         self.final_time = block(
@@ -257,6 +258,13 @@ class EndsLaw(Law):
                     rows[0, names.index(name)] = row
                     at = places.quantities_at_end(last)
                     yield Term("quantity_point", at, (rows,), sign * factor)
+
+    def constants_of(self, problems: Stacked) -> dict[int, Array]:
+        """The constants of rows that other problems with the same kinds of bounds have, by their
+        rows."""
+        low, high = problems.final_time_bounds
+        first = *self.final_time.numbers.tolist(), *self.earliest.numbers.tolist()
+        return dict.fromkeys(first, -low) | dict.fromkeys(self.latest.numbers.tolist(), high)
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)

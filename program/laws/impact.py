@@ -169,7 +169,7 @@ class ImpactLaw(Law):
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         lay = self.lay
         most = self.most_impulse
-        box[lay.impact.lam] = np.stack([np.where(self.grasps, -most, 0.0), most], axis=1)
+        box[..., lay.impact.lam, :] = np.stack([np.where(self.grasps, -most, 0.0), most], axis=1)
         hits = np.flatnonzero(self.impact)
         at = lay.index_q[lay.collision_nodes[hits], None]
         give_way(problem, box, scale, zip(at, self.surfaces[hits].tolist(), strict=True))
@@ -205,7 +205,7 @@ class ImpactLaw(Law):
             "energy",
             self.sure & ~self.settled[1],
             lambda k: f"energy at {at[k]}",
-            lambda s: np.where(plain, sizes_of(s.rate, hit), s.energy),
+            lambda s: np.where(plain, sizes_of(s.rate, hit), np.asarray(s.energy)[..., None]),
             missed=Missed(
                 LAW,
                 lambda k: f"collision {k + 1} ({surfaces[hit[k]]}) violates its law of restitution",

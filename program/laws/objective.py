@@ -41,7 +41,8 @@ class ObjectiveLaw(Law):
     total: Block = field(init=False)
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
-        box[self.lay.index_totals] = problem.total_bounds
+        if self.names:
+            box[self.lay.index_totals] = problem.total_bounds
 
     def equations(self, block: Numbering) -> None:
         if self.names:

@@ -42,6 +42,7 @@ from dmoc.program.bound_kinds import BoundKind
 from dmoc.program.laws.law import COLLISION, INSIDE, STATE, Law, Pivot, key
 from dmoc.program.layout import Layout
 from dmoc.program.presolve import gaps_returned
+from dmoc.program.scale import Scale
 from dmoc.program.terms import COST, Places, Term
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ class StepLaw(Law):
             "gap",
             self.gaps,
             lambda k, j: f"gap to {surfaces[j]} at node {k}",
-            lambda s: np.where(self._at_nodes(self._beside), s.within, s.gap),
+            lambda s: self._sizes(s, self._at_nodes(self._beside)),
             nodes,
             missed=Missed(
                 words=lambda k, j: f"the motion passes {surfaces[j]} at node {k}", apart=1
@@ -145,10 +146,15 @@ class StepLaw(Law):
             "gap inside",
             self._gaps_inside(~moving | (self.lay.index_t_i.size > 0)),
             lambda k, j: f"gap to {surfaces[j]} inside step {k // inside}",
-            lambda s: np.where(np.repeat(self._beside, inside, axis=0), s.within, s.gap),
+            lambda s: self._sizes(s, np.repeat(self._beside, inside, axis=0)),
             steps,
             counted=Counted(BoundKind.INSIDE, surfaces, steps),
         )
+
+    def _sizes(self, scale: Scale, beside: Bools) -> Array:
+        """Sizes of gaps, and of how far places ``beside`` a surface, shape (places, nc), are from
+        its end."""
+        return np.where(beside, scale.within, scale.gap) if beside.any() else scale.gap
 
     def _gaps(self, free: tuple[Bools, Bools]) -> Bools:
         """Nodes and surfaces whose gap is a constraint, shape (nodes, nc); ``free`` tells which

@@ -67,8 +67,9 @@ class VelocityLaw(Law):
             for index in (self.lay.impact.v_a, self.lay.impact.v_c, self.lay.index_w):
                 there = index >= 0
                 limits = np.broadcast_to(self.limits, (*index.shape, 2))[there]
-                box[index[there], 0] = np.maximum(box[index[there], 0], limits[:, 0])
-                box[index[there], 1] = np.minimum(box[index[there], 1], limits[:, 1])
+                at, (low, high) = index[there], limits.T
+                box[..., at, 0] = np.maximum(box[..., at, 0], low)
+                box[..., at, 1] = np.minimum(box[..., at, 1], high)
 
     def inequalities(self, block: Numbering) -> None:
         lay, nq, count = self.lay, self.lay.nq, len(self.places)
@@ -84,7 +85,9 @@ class VelocityLaw(Law):
             "velocity bound",
             stands.reshape(-1, count * 2 * nq),
             label,
-            lambda s: np.tile(s.v, 2 * count) * s.h[lay.phase_of_step[steps], None],
+            lambda s: (
+                np.tile(s.v, 2 * count)[..., None, :] * s.h[..., lay.phase_of_step[steps], None]
+            ),
             steps,
             counted=Counted(BoundKind.BOUND, names, steps),
         )

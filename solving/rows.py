@@ -1,0 +1,251 @@
+"""Neighbours of one form, solved as rows from one solution: their structure is made once, their
+numbers are rows of arrays.
+
+A row that ends in a strict minimum is what a solve of its own finds, and so is what the check makes
+of it.  Ends of other kinds are left to a solve of their own.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Hashable, Iterator, Sequence
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dmoc.base.deadline import Deadline
+from dmoc.base.discretisation import DISCRETISATIONS
+from dmoc.base.records import record
+from dmoc.check.checked_motion import OutOfTimeError, out_of_time
+from dmoc.check.compiled import FreeMotion, has_room, is_free, passes
+from dmoc.check.limit_functions import bounds_among
+from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
+from dmoc.problem.problem import Problem
+from dmoc.program.extraction import collected_multipliers
+from dmoc.program.free_rows import FreeRows
+from dmoc.program.rows import RowNumbers, row_numbers
+from dmoc.program.scaling import scale_of
+from dmoc.program.stacked import Stacked
+from dmoc.program.transcription import Transcription
+from dmoc.results.solution import Solution
+from dmoc.solvers.outcome import Duals, Options, Outcome, Residuals, Status
+from dmoc.solvers.row_solves import RowEnds, solve_rows
+from dmoc.solving.attempts import Attempt
+from dmoc.solving.checked_solution import NO_MOTION, checked, solution_of
+from dmoc.solving.grazing import SUSPECT
+from dmoc.solving.keywords import Keywords
+from dmoc.solving.methods import COMPILED_METHOD
+from dmoc.solving.row import Row, row_of
+from dmoc.solving.starts import InitialGuess, starts_of
+
+Bools = NDArray[np.bool_]
+# Rows for which it is worth while to lay out what they have in common.
+FEWEST = 2
+
+
+def solved_rows(
+    problems: Sequence[tuple[int, Problem]],
+    keywords: Keywords,
+    guess: InitialGuess,
+    deadline: Deadline,
+) -> dict[int, Row]:
+    """Rows of the problems, by their numbers, that are neighbours of one form and end in a strict
+    minimum."""
+    made: dict[int, Row] = {}
+    if not isinstance(guess, Solution):
+        return made
+    for numbers in _forms(problems).values():
+        first = problems[numbers[0]][1]
+        fits = _asks_for_it(first, keywords) and _is_free(first) and _starts_there(first, guess)
+        if len(numbers) < FEWEST or not fits:
+            continue
+        begin = time.perf_counter()
+        with np.errstate(all="ignore"):
+            rows = _Rows.of([problems[k][1] for k in numbers], guess, keywords, deadline)
+        each = (time.perf_counter() - begin) / len(numbers)
+        of_batch = [problems[k][0] for k in numbers]
+        made |= {row.number: row for row in rows.answers(of_batch, each)}
+    return made
+
+
+def _forms(problems: Sequence[tuple[int, Problem]]) -> dict[Hashable, list[int]]:
+    """The places of the problems that have one form, but for what their bounds fix or leave
+    open."""
+    places: dict[Hashable, list[int]] = {}
+    for k, (_, problem) in enumerate(problems):
+        arrays = problem.restitution_values, problem.velocity_bounds
+        form = (
+            id(problem.kernels), problem.sequence, problem.phase_steps, problem.control_form,
+            tuple(problem.contacts), tuple(problem.ignored), problem.minimal_times,
+            problem.by_rates, bool(problem.relations or problem.design),
+            len(problem.parameter_values), *(array.tobytes() for array in arrays),
+        )  # fmt: skip
+        places.setdefault(form, []).append(k)
+    return places
+
+
+def _asks_for_it(problem: Problem, keywords: Keywords) -> bool:
+    """Whether one solve by the compiled method on the mesh of a problem is asked for."""
+    once = keywords.starts == 1 and keywords.tolerance is None and problem.steps is not None
+    return once and keywords.method == COMPILED_METHOD.name
+
+
+def _is_free(problem: Problem) -> bool:
+    """Whether a problem is that of a motion that is free between hits, and has nothing else that a
+    solve would look at."""
+    kernels, touch = problem.kernels, problem.touch
+    facts = kernels.manifest
+    if not is_free(kernels) or kernels.quantities or facts.hidden or facts.attitudes:
+        return False
+    if facts.path_rows or (problem.nu and not facts.inputs_enter_linearly):
+        return False
+    others = problem.open_hits or problem.design or problem.relations or problem.models.change
+    if others or touch.open or not touch.free or problem.ends_with_event:
+        return False
+    return all(e.hit >= 0 and not (e.lands or e.leaves or e.friction or e.course)
+               for e in touch.events)  # fmt: skip
+
+
+def _starts_there(problem: Problem, guess: Solution) -> bool:
+    """Whether a solve of a problem starts with the unknowns and the multipliers of a guess."""
+    starts = starts_of(problem, guess)
+    same = len(starts.points) == 1 and starts.multipliers is not None
+    return same and np.array_equal(starts.points[0], guess.unknowns)
+
+
+@record(frozen=True, eq=False)
+class _Rows:
+    """Solved rows, of which the first one has the program ``nlp``, and their motions."""
+
+    problems: Stacked
+    guess: Solution
+    keywords: Keywords
+    deadline: Deadline
+    nlp: Transcription
+    numbers: RowNumbers
+    ends: RowEnds
+    motions: FreeRows
+
+    @classmethod
+    def of(
+        cls, every: Sequence[Problem], guess: Solution, keywords: Keywords, deadline: Deadline
+    ) -> _Rows:
+        problems, x = Stacked(every), guess.unknowns
+        first = problems.first
+        nlp = Transcription(first, scale_of(first, x, minimum=True))
+        numbers = row_numbers(problems, nlp, x)
+        rows, z = collected_multipliers(nlp, guess.multipliers)
+        y = rows / (numbers.cost[:, None] / numbers.row_sizes)
+        z = z / (numbers.cost[:, None] / numbers.sizes)
+        duals = Duals(y[:, : nlp.n_eq], y[:, nlp.n_eq :], z)
+        options = Options(keywords.optimality, keywords.violation, keywords.iterations, deadline)
+        ends = solve_rows(nlp, numbers, x / numbers.sizes, duals, options)
+        at = numbers.physical(ends.x)
+        motions = FreeRows.of(first, nlp.layout, numbers.parameters, at)
+        return cls(problems, guess, keywords, deadline, nlp, numbers, ends, motions)
+
+    @cached_property
+    def minima(self) -> Bools:
+        """Rows of one form that have ended in a strict minimum of which nothing else is to be
+        told."""
+        m = self.motions
+        still = (m.impulse > 0).any(axis=1) & m.still(NO_MOTION * self.numbers.p)
+        # of a cost below zero it is asked where it ends
+        plain = self.ends.strict & self._alike & (m.cost > 0) & ~still & ~m.grazes.any(axis=1)
+        return np.asarray(plain & ~self._suspected)
+
+    @property
+    def _alike(self) -> Bools:
+        """Rows of which the same is fixed as of the first one, and with the same kinds of ends."""
+        low, high = self.numbers.limits
+        kinds = [low == high, *self.problems.kinds]
+        return np.asarray(np.all([(k == k[0]).all(axis=1) for k in kinds], axis=0))
+
+    @property
+    def _suspected(self) -> Bools:
+        """Rows in which a hit hardly approaches its surface, or hardly pushes it (grazing.py)."""
+        lay, m, par = self.nlp.layout, self.motions, self.numbers.parameters
+        model, suspected = Model(self.nlp.kernels, par), np.zeros(len(par), dtype=bool)
+        for i, j in enumerate(lay.touch.surfaces.tolist()):
+            at = m.begins[i + 1]
+            rates = model.gap_rates(m.q[:, at], m.arrivals[:, i], m.t[:, at])[:, j]
+            faint = rates <= SUSPECT * self.numbers.rate[:, j]
+            suspected |= faint | (self.ends.x[:, lay.impact.lam[i]] <= SUSPECT)
+        return suspected
+
+    def answers(self, numbers: Sequence[int], seconds: float) -> Iterator[Row]:
+        """The rows that have ended in a minimum, of problems with some numbers, until the time is
+        over."""
+        each = FreeMotion(self.nlp.kernels, DISCRETISATIONS[self.nlp.problem.order])
+        for k in np.flatnonzero(self.minima).tolist():
+            if self.deadline.passed:
+                return
+            begin = time.perf_counter()
+            solved = not self.keywords.verify or self._passes(each, k)
+            other = None if solved else self._solution(k, seconds)
+            spent = time.perf_counter() - begin + seconds
+            if other is None:
+                yield self._row(k, numbers[k], spent)
+            else:
+                yield row_of(numbers[k], other, spent, keep=False)
+
+    def _passes(self, check: FreeMotion, k: int) -> bool:
+        """Whether a row passes the compiled check."""
+        problem, lay = self.problems.each[k], self.nlp.layout
+        if not self._is_checked:
+            return False
+        motion = (
+            *self.motions.states(k, lay.touch.surfaces), problem.coordinate_bounds,
+            problem.input_bounds, problem.restitution_values, *self._watched, not lay.form.width,
+        )  # fmt: skip
+        par, cost = self.numbers.parameters[k : k + 1], float(self.motions.cost[k])
+        try:
+            with np.errstate(all="ignore"):
+                found = check.measured(par, motion, cost, partial(out_of_time, self.deadline))
+        except OutOfTimeError:
+            return False
+        return found is not None and passes(found)
+
+    @cached_property
+    def _is_checked(self) -> bool:
+        """Whether compiled code checks such motions."""
+        problem, kernels = self.problems.first, self.nlp.kernels
+        few = has_room(kernels, len(bounds_among(problem.limits, kernels)), self.nlp.layout.total)
+        return bool(few and (problem.restitution_values > 0).all())
+
+    @cached_property
+    def _watched(self) -> tuple[Any, Array]:
+        """The surfaces that a check watches, and bounds of velocities, as compiled code has
+        them."""
+        problem, kernels = self.problems.first, self.nlp.kernels
+        watched = np.array([s not in problem.ignored for s in kernels.surfaces], dtype=np.uint8)
+        bounds = bounds_among(problem.limits, kernels)
+        rates = np.array([(b.place, b.sign, b.value) for b in bounds], dtype=float)
+        return watched, rates.reshape(-1, 3)
+
+    def _row(self, k: int, number: int, seconds: float) -> Row:
+        """What a batch keeps of a row that is solved."""
+        m = self.motions
+        return Row(
+            number, str(Status.SOLVED), Status.SOLVED.sentence, float(m.cost[k]),
+            float(m.final_time[k]), self.problems.first.words, tuple(m.event_times[k].tolist()),
+            tuple(m.impulse[k].tolist()), int(self.ends.iterations[k]),
+            "passed" if self.keywords.verify else "", seconds=seconds,
+        )  # fmt: skip
+
+    def _solution(self, k: int, seconds: float) -> Solution:
+        """The solution of a row, checked if it shall be."""
+        problem, ends, n_eq = self.problems.each[k], self.ends, self.nlp.n_eq
+        with np.errstate(all="ignore"):
+            nlp = Transcription(problem, scale_of(problem, self.guess.unknowns, minimum=True))
+            duals = Duals.of_rows(n_eq, ends.y[k].copy(), ends.z[k].copy())
+            left = Residuals(float(ends.optimality[k]), float(ends.violation[k]))
+            count = int(ends.iterations[k])
+            outcome = Outcome(Status.SOLVED, "", ends.x[k].copy(), duals, count, left)
+            spent = {"build": problem.kernels.seconds, "guess": 0.0, "solve": seconds}
+            solution = solution_of(Attempt(nlp, outcome), COMPILED_METHOD.name, spent)
+        verify = self.keywords.verify and solution.minimum
+        return checked(solution, self.deadline) if verify else solution
