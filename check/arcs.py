@@ -15,9 +15,9 @@ from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
 # Largest gap g > 0 that counts as none, relative to how far the motion's ranges move the gap.
 PENETRATION = 0.002
 # A node within this share of the gap's size lies on the surface; so many in a row slide along it.
-# A motion that slides may enter the surface between its nodes as far as penetration may be, one
-# that grazes it less far: it would bounce.
-ON_ARC, LASTING, GRAZED = 1e-4, 3, 3e-4
+# A motion that slides may enter the surface between its nodes as far as penetration may be; one
+# that grazes it would bounce.
+ON_ARC, LASTING = 1e-4, 3
 
 
 @value_class(frozen=True)
@@ -56,9 +56,9 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
                 )
                 # What happens after the end is nobody's business.
                 ends = t >= sizes.time - h / 2
-                depth = PENETRATION if slides or ends else GRAZED
-                size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
-                arcs.append(Arc(int(j), t - h, t + h, depth * float(size)))
+                if slides or ends:
+                    size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
+                    arcs.append(Arc(int(j), t - h, t + h, PENETRATION * float(size)))
     return arcs
 
 
