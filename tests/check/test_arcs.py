@@ -63,14 +63,16 @@ def test_what_touches_at_the_end_counts_as_if_it_slid(monkeypatch: pytest.Monkey
     assert [depth for _, _, depth in made] == pytest.approx([PENETRATION])
 
 
-@pytest.mark.parametrize(("time", "left"), [(1.4, True), (1.6, False), (6.4, False), (6.6, True)])
+@pytest.mark.parametrize(
+    ("time", "left"), [(1.4, [4, 5]), (1.6, [5]), (6.4, [3]), (6.6, [3, 4]), (9.0, [3, 4, 5])]
+)
 def test_nodes_beside_a_hit_of_the_surface_are_no_arc(
-    monkeypatch: pytest.MonkeyPatch, time: float, left: bool
+    monkeypatch: pytest.MonkeyPatch, time: float, left: list[int]
 ) -> None:
     """Within two and a half steps; a hit of another surface is none of it."""
-    pattern = ["....x....", "........."]
-    assert bool(found(monkeypatch, pattern, [("floor", time)], 100.0)) == left
-    assert found(monkeypatch, pattern, [("roof", 4.0)], 100.0)
+    pattern = ["...xxx...", "........."]
+    assert [t for _, t, _ in found(monkeypatch, pattern, [("floor", time)], 100.0)] == left
+    assert len(found(monkeypatch, pattern, [("roof", time)], 100.0)) == 3
 
 
 def test_a_time_has_the_depth_of_the_deepest_arc_around_it() -> None:
