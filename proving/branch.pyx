@@ -61,8 +61,8 @@ cdef extern from "tree.h" nogil:
     int tree_push(Tree *, const double *)
     int tree_run(Tree *, long)
     double tree_bound(const Tree *)
-    double tree_aim(const Tree *)
-    int tree_is_full(const Tree *)
+    int tree_has_missed(const Tree *)
+    int tree_is_stuck(const Tree *)
 
 
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
@@ -149,14 +149,14 @@ cdef class Branch:
         return tree_bound(&self.tree)
 
     @property
-    def full(self):
-        """Whether no more conditions along phases can have prices."""
-        return bool(tree_is_full(&self.tree))
+    def stuck(self):
+        """Whether boxes lack prices of conditions along phases for which there is no room."""
+        return bool(tree_is_stuck(&self.tree))
 
     @property
     def missed(self):
-        """Whether a box was left that is of interest, as it cannot be divided."""
-        return self.tree.shed < tree_aim(&self.tree)
+        """Whether a box of interest was left because it cannot be divided."""
+        return bool(tree_has_missed(&self.tree))
 
     @property
     def best(self):

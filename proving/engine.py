@@ -23,7 +23,7 @@ def run(branch: Branch, boxes: int) -> tuple[Branch, bool]:
     """Look at so many boxes more; the engine that goes on, which has larger arrays where there was
     no room for prices, and whether something is left to do."""
     going_on = branch.run(boxes)
-    if not (branch.full and isinstance(branch, Branch) and (going_on or branch.missed)):
+    if not (branch.stuck and isinstance(branch, Branch)):
         return branch, going_on
     wide = WideBranch(*branch.arguments)
     if not branch.missed:

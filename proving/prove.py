@@ -155,7 +155,8 @@ def _proved(
     best = np.inf if motion is None else motion.cost
     beyond += ABOVE * (beyond + size)  # what is nearly as dear as can be is a motion still
     least, kept = LEAST_GAP * size, most_kept(linear)
-    branch = branch_of(linear)(linear, best, beyond, gap / 2, least, size, kept, workers)
+    most = beyond if motion is None else max(beyond, motion.cost)
+    branch = branch_of(linear)(linear, best, most, gap / 2, least, size, kept, workers)
     known = digest(linear, beyond, gap)
     continued(journal, branch, known)
     going_on = True

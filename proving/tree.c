@@ -9,6 +9,9 @@
 #define MOST_TAKEN 64
 /* Of the widest duration of a box, beside its own size, so much has one by which it is divided. */
 #define NARROWEST 0.45
+/* Where a box has the least bound of all though no duration varies by this share, which costs its
+ * square, prices are what it lacks. */
+#define STUCK 1e-3
 
 int tree_push(Tree *t, const double *box)
 {
@@ -45,9 +48,11 @@ static void pop(Tree *t, double *box)
     memmove(t->waiting + i * w, last, w * sizeof(double));
 }
 
-double tree_aim(const Tree *t)
+/* A cost below which nothing is of interest any more. */
+static double aim(const Tree *t)
 {
-    return isinf(t->best) ? t->limit : t->best - fmax(t->gap * fabs(t->best), t->least_gap);
+    const double near = t->best - fmax(t->gap * fabs(t->best), t->least_gap);
+    return isinf(t->best) ? t->limit : fmin(t->limit, near);
 }
 
 /* The duration by which a box is divided: what loses most of the bound, or, where that is not known,
@@ -100,7 +105,7 @@ static void look(const Tree *t, Engine *e, size_t k)
     const Problem *p = t->problem;
     double *box = t->batch + k * t->width, *low = box + 1, *high = low + p->phases;
     double widths[MOST_PHASES];
-    const double now = tree_aim(t);
+    const double now = aim(t);
     const double enough = isinf(t->best) ? 2 * fabs(t->limit) + t->limit : now + fabs(now);
     e->aim = now, e->best = t->best, e->number = t->boxes + (long)k;
     memcpy(e->at, t->at, sizeof e->at);
@@ -146,9 +151,27 @@ static void look_at_all(Tree *t)
         pthread_join(threads[i], 0);
 }
 
-int tree_is_full(const Tree *t)
+/* Whether no more conditions along the phases can have prices. */
+static int is_full(const Tree *t)
 {
     return t->count_priced == MOST_PRICED || t->fixed + t->count_priced == MOST_MULTIPLIERS;
+}
+
+static int going_on(const Tree *t) { return t->count && t->waiting[0] < aim(t); }
+
+int tree_has_missed(const Tree *t) { return t->shed < aim(t); }
+
+int tree_is_stuck(const Tree *t)
+{
+    if (!is_full(t) || tree_has_missed(t))
+        return is_full(t);
+    if (!going_on(t))
+        return 0;
+    const double *low = t->waiting + 1, *high = low + t->problem->phases;
+    for (int i = 0; i < t->problem->phases; i++)
+        if (log(high[i] / low[i]) > STUCK)
+            return 0;
+    return 1;
 }
 
 /* The number of a condition that is priced from now on; -1 where there is no room. */
@@ -157,7 +180,7 @@ static int number_of(Tree *t, Priced at)
     for (int i = 0; i < t->count_priced; i++)
         if (!memcmp(t->priced + i, &at, sizeof at))
             return i;
-    if (tree_is_full(t))
+    if (is_full(t))
         return -1;
     t->priced[t->count_priced] = at;
     return t->count_priced++;
@@ -187,7 +210,7 @@ static int keep_batch(Tree *t)
     }
     for (size_t k = 0; k < t->taken && !failed; k++) {
         const double *box = t->batch + k * t->width;
-        if (box[0] >= tree_aim(t))
+        if (box[0] >= aim(t))
             leave(t, box);
         else
             failed = tree_push(t, box);
@@ -277,8 +300,6 @@ void tree_end(Tree *t)
     free(t->waiting), free(t->leaves);
     memset(t, 0, sizeof *t);
 }
-
-static int going_on(const Tree *t) { return t->count && t->waiting[0] < tree_aim(t); }
 
 /* Take boxes and divide them. */
 static void take(Tree *t)

@@ -56,10 +56,10 @@ int tree_run(Tree *tree, long boxes);
 /* A number that no motion costs less than. */
 double tree_bound(const Tree *tree);
 
-/* A cost below which nothing is of interest any more. */
-double tree_aim(const Tree *tree);
+/* Whether a box of interest was left because it cannot be divided. */
+int tree_has_missed(const Tree *tree);
 
-/* Whether no more conditions along the phases can have prices. */
-int tree_is_full(const Tree *tree);
+/* Whether boxes lack prices of conditions along the phases for which there is no room. */
+int tree_is_stuck(const Tree *tree);
 
 #endif

@@ -56,7 +56,7 @@ def test_the_table_the_tree_and_its_page_say_what_is_proved(
 ) -> None:
     head, rows = result.summary().head, result.summary().rows
     assert head == ("sequence", "verdict", "cost", "proved")
-    assert plain(rows[0][3]).startswith("optimal, >= 0.535")
+    assert plain(rows[0][3]).startswith("optimal, >= 0.5349")
     assert all(plain(row[3]).startswith("pointless, >= ") for row in rows[1:])
     figure = result.plot()
     assert all(text.get_text().endswith(" \N{END OF PROOF}") for text in figure.axes[0].texts)
