@@ -13,6 +13,12 @@ import pytest
 import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
+from dmoc.program.rows import row_numbers
+from dmoc.program.scaling import scale_of
+from dmoc.program.stacked import Stacked
+from dmoc.program.transcription import Transcription
+from dmoc.solvers.outcome import Duals, Options
+from dmoc.solvers.row_solves import solve_rows
 from dmoc.solving import many, rows
 
 pytestmark = pytest.mark.slow
@@ -249,3 +255,23 @@ def test_an_error_of_rows_is_left_to_solves(together: list[int]) -> None:
     batch = dmoc.solve_many([base, *shorter], guess=guess, verify=False)
     assert batch.status == ("solved", "refused", "refused", "refused")
     assert "guess has 1 collisions" in batch.message[1] and not together
+
+
+def test_arrays_of_other_rows_are_refused() -> None:
+    """Compiled code trusts their shapes."""
+    base = pendulum(2)
+    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
+    x = guess.unknowns
+    nlp = Transcription(base, scale_of(base, x, minimum=True))
+    numbers = row_numbers(Stacked([base, base]), nlp, x)
+    count = nlp.n_eq, nlp.n_in, nlp.n
+    duals = Duals(*(np.zeros((2, size)) for size in count))
+    start = np.tile(nlp.scaled(x), (2, 1))
+    assert solve_rows(nlp, numbers, start, duals, Options()).strict.all()
+    for fewer in (start[:, :-1], start[:1]):
+        with pytest.raises(ValueError, match="expected an array of shape"):
+            solve_rows(nlp, numbers, fewer, duals, Options())
+    with pytest.raises(ValueError, match="expected an array of shape"):
+        solve_rows(
+            nlp, replace(numbers, parameters=numbers.parameters[:1]), start, duals, Options()
+        )
