@@ -129,9 +129,9 @@ def attitude(
         p = _numbers(quaternion, (4,), "quaternion")
         length = math.hypot(*p)
         if abs(length - 1) > ROUNDED:
+            remedy = "; divide it by its length" if length > 0 else ", as no turn is (1, 0, 0, 0)"
             raise ProblemError(
-                f"quaternion = {shown(quaternion)} has the length {length:g}: expected 1; divide "
-                "it by its length."
+                f"quaternion = {shown(quaternion)} has the length {length:g}: expected 1{remedy}."
             )
     elif matrix is not None:
         p = _of_matrix(_numbers(matrix, (3, 3), "matrix"))

@@ -206,9 +206,25 @@ def _clean_urdf(root: ET.Element, text: Text, label: str) -> None:
     for joint in root.iter("joint"):
         limit = joint.find("limit")
         if limit is not None:
-            text.speeds[joint.get("name", "")] = _positive(limit.get("velocity"))
+            name = joint.get("name", "")
+            text.speeds[name] = _positive(limit.get("velocity"))
+            _check_limits(name, limit, label)
     if not root.get("name"):
         root.set("name", "robot")
+
+
+def _check_limits(name: str, limit: ET.Element, label: str) -> None:
+    """Refuse a joint whose range ends before it begins; what is no number its reader refuses."""
+    low, high = limit.get("lower", "0"), limit.get("upper", "0")
+    try:
+        backward = float(low) > float(high)
+    except ValueError:
+        return
+    if backward:
+        raise ModelError(
+            f"joint {name} of {label} has the limits {shown(low)} to {shown(high)}: expected the "
+            "lower one first."
+        )
 
 
 def _positive(value: str | None) -> float:

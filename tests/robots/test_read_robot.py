@@ -193,6 +193,8 @@ def test_what_hangs_beside_a_robot_is_part_of_its_system(tmp_path: Path) -> None
         (LEG.replace('izz="0.1"', 'izz="0.3"'), {}, "inertia of leg in .* is that of no body"),
         (LEG.replace('<mass value="2"/>', '<mass value="-2"/>'), {}, "the mass -2 kg"),
         (LEG.replace('<mass value="2"/>', '<mass value="nan"/>'), {}, "nan"),
+        (LEG.replace('lower="-1"', 'lower="3"'), {},
+         "joint hip of .* has the limits '3' to '2': expected the lower one first"),
         (LEG.replace('<child link="leg"/>', '<child link="arm"/>'), {},
          "joint hip of .* is at 'arm', which is no link of the file"),
         (robot("a", "".join(link(n, HEAVY) for n in "abc") + joint("i", "fixed", "a", "b")
