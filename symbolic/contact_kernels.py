@@ -329,11 +329,15 @@ def _at(f: Continuous, expression: Any, place: tuple[Input, Input]) -> Any:
 
 
 def _turns(f: Continuous, start: tuple[Input, Input], end: tuple[Input, Input]) -> list[Any]:
-    """The sum_i d_i phi(start) d_i phi(end) / M_ii(start) of each constraint."""
-    masses = [_at(f, row[i], start) for i, row in enumerate(mass_matrix(f))]
-    zero = f.L.graph.zero
+    """The sum_i d_i phi(start) d_i phi(end) / M_ii(start) of each constraint; coordinates of a
+    quaternion are of one kind, which no masses have to compare."""
+    zero, one = f.L.graph.zero, f.L.graph.one
+    needed = len(f.spheres) < len(f.phi)
+    matrix = mass_matrix(f) if needed else []
+    masses = [_at(f, row[i], start) for i, row in enumerate(matrix)]
     slopes = [gradient(zero if keeps_rate(f, phi) else phi, f.q) for phi in f.phi]
+    weights = [[one] * len(f.q) if j in f.spheres else masses for j in range(len(slopes))]
     return [
-        sum_of(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, masses, strict=True))
-        for row in slopes
+        sum_of(_at(f, s, start) * _at(f, s, end) / m for s, m in zip(row, own, strict=True))
+        for row, own in zip(slopes, weights, strict=True)
     ]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
-from dmoc.base.names import name_of, velocity_name
+from dmoc.base.names import name_of, unit_constraint, velocity_name
 from dmoc.motion.impact_laws import BALL
 from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
@@ -40,7 +40,8 @@ class Continuous:
     which Q lacks the forces. Nodes have neither. Kernels have derivatives by the parameters
     ``design``, too. Accelerations and forces y, where quantities contain forces. Crossing functions
     w, whose zeros are events. Where cost or integrands are split at kinks: hidden unknowns s, their
-    limits l >= 0, and the terms C_s of the cost that contain them."""
+    limits l >= 0, and the terms C_s of the cost that contain them. Those of the constraints that
+    are the ``spheres`` of quaternions."""
 
     q: tuple[Any, ...]
     v: tuple[Any, ...]
@@ -74,6 +75,7 @@ class Continuous:
     w: tuple[Any, ...] = ()
     within: tuple[Any, ...] = ()
     ends: tuple[int, ...] = ()
+    spheres: tuple[int, ...] = ()
 
     @classmethod
     def of(
@@ -134,6 +136,11 @@ class Continuous:
             mu_s=static,
             w=tuple(rewrite(e) for e in system.switches.values()),
             within=tuple(rewrite(e) for functions in system.inside.values() for e in functions),
+            spheres=tuple(
+                j
+                for j, name in enumerate(system.constraints)
+                if name in map(unit_constraint, system.attitudes)
+            ),
             ends=tuple(
                 j
                 for name, own in system.inside.items()
@@ -209,7 +216,7 @@ class Continuous:
         made["Q"] = tuple(force - slope for force, slope in zip(made["Q"], damping, strict=True))
         made["R"] = graph.zero
         t = graph.symbol(self.t.name)
-        return Continuous(q, v, u, t, par, **made, y=y, s=s, ends=self.ends)
+        return Continuous(q, v, u, t, par, **made, y=y, s=s, ends=self.ends, spheres=self.spheres)
 
 
 # The functions of a Continuous, which are one expression or several.

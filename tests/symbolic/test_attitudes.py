@@ -158,3 +158,14 @@ def test_the_name_of_an_attitude_may_end_with_a_digit() -> None:
     world.ball("wrist1", inertia=(1, 1, 1))
     names = [str(p.func) for p in world.system("ball", cost=1).coordinates]
     assert names == ["wrist10", "wrist11", "wrist12", "wrist13"]
+
+
+def test_no_masses_compare_the_coordinates_of_a_quaternion() -> None:
+    """Its row says by how much a step turns, 4 cos(angle / 2), whatever hangs at the body."""
+    kernels = dmoc.build(by_quaternion(), backend="numpy")
+    ends = np.random.default_rng(5).normal(size=(2, 8))
+    for q in ends:
+        q[3:7] /= np.linalg.norm(q[3:7])
+    rest = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 0))
+    (turn,) = kernels.call("joint_turn", *ends[:, None], *rest)
+    assert turn.ravel() == pytest.approx([4 * ends[0, 3:7] @ ends[1, 3:7]])
