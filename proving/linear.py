@@ -54,17 +54,18 @@ class LinearPhase:
 
 @record(frozen=True, eq=False)
 class Rows:
-    """Functions A z + b + b_t t of the state z before an event at the time t, shapes (m, 2 r),
-    (m,), (m,)."""
+    """Functions A z + b + b_t t + b_tt t^2/2 of the state z before an event at the time t, shapes
+    (m, 2 r), (m,), (m,), (m,); where a last part is not zero a clock takes the time's place."""
 
     A: Array
     b: Array
     b_t: Array
+    b_tt: Array
 
     @classmethod
     def stacked(cls, rows: list[Rows], size: int) -> Rows:
-        none = cls(np.zeros((0, size)), np.zeros(0), np.zeros(0))
-        parts = zip(*((r.A, r.b, r.b_t) for r in (none, *rows)), strict=True)
+        none = cls(np.zeros((0, size)), np.zeros(0), np.zeros(0), np.zeros(0))
+        parts = zip(*((r.A, r.b, r.b_t, r.b_tt) for r in (none, *rows)), strict=True)
         return cls(*map(np.concatenate, parts))
 
 
@@ -112,4 +113,10 @@ class LinearProblem:
 
 def through(rows: Rows, after: Rows) -> Rows:
     """Functions of the state after an event as those of the state before it."""
-    return Rows(rows.A @ after.A, rows.A @ after.b + rows.b, rows.A @ after.b_t + rows.b_t)
+    b, b_t, b_tt = (
+        rows.A @ of_after + own
+        for of_after, own in zip(
+            (after.b, after.b_t, after.b_tt), (rows.b, rows.b_t, rows.b_tt), strict=True
+        )
+    )
+    return Rows(rows.A @ after.A, b, b_t, b_tt)

@@ -23,8 +23,9 @@ DECIDED = 1e-12
 
 @record(frozen=True, eq=False)
 class Impact:
-    """What an event does to velocities, v after it is jump v + offset, and the impulses by v + by
-    of the surfaces and tangents that take any, in the directions ``pushes``."""
+    """What an event does to velocities, v after it is jump v + offset (1, t), and the impulses by_v
+    v + by (1, t) of the surfaces and tangents that take any, in the directions ``pushes``; shapes
+    of ``offset`` and ``by`` (nq, 2) and (impulses, 2)."""
 
     jump: Array
     offset: Array
@@ -44,10 +45,11 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     for j in (event.hit, *event.lands):
         if j != NOWHERE:
             gap = model.gap(j)
-            zero.append(model.rows(before, gap.A[:, :n], none, gap.b, gap.A[:, n]))
+            zero.append(model.rows(before, gap.A[:, :n], none, gap.b, *gap.A[:, n:].T))
     if event.impact:
         gap = model.gap(event.surface)
-        most.append(model.rows(before, none, -gap.A[:, :n], -gap.A[:, n]))  # it comes nearer
+        # it comes nearer
+        most.append(model.rows(before, none, -gap.A[:, :n], *-gap.A[:, n:].T))
     impact = impact_of(model, i)
     zero += [*_stops(model, i, before, impact)]
     most += [*_directions(model, i, before, impact), *_impulses(model, before, impact)]
@@ -58,10 +60,10 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
     position = np.hstack([before.Z, np.zeros((n, r))])
     momentum = model.M @ impact.jump @ V + G @ position
-    shift = model.M @ (impact.jump @ v_0 + impact.offset) + G @ before.origin + p_0
+    shift = model.M @ (impact.jump @ v_0 + impact.offset[:, 0]) + G @ before.origin + p_0
     state = Rows(
         after.state(position, momentum), after.state(before.origin - after.origin, shift),
-        np.zeros(2 * after.size),
+        after.state(np.zeros(n), model.M @ impact.offset[:, 1]), np.zeros(2 * after.size),
     )  # fmt: skip
     zero = [row for row in zero if not _is_decided(row)]
     most = [row for row in most if np.abs(row.A).max() > DECIDED]
@@ -75,7 +77,7 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     event, before, after = p.touch.events[i], *p.touch.modes[i : i + 2]
     if not event.impact:
         none = np.zeros((0, n))
-        return Impact(np.eye(n), np.zeros(n), none, np.zeros(0), none, (), ())
+        return Impact(np.eye(n), np.zeros((n, 2)), none, np.zeros((0, 2)), none, (), ())
     stays = after.among(
         [j for j in after.closed if j in (*before.closed, *event.lands)],
         lambda k: p.touch.contacts.supports[k] != RAIL,
@@ -87,10 +89,10 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     E = np.array([gap[:n] for gap in gaps] + [model.tangent(k) for k in stays.sticking])
     D = np.array([*own, *model.pushes(stays)])
     # E v+ = share v- + rates and v+ = v- + change impulses; what follows from others shares them
-    share, rates = 0 * E, np.zeros(len(E))
+    share, rates = 0 * E, np.zeros((len(E), 2))
     for j in hits:
         e = _restitution(p, j)
-        share[0], rates[0] = -e * E[0], -(1 + e) * gaps[0][n]
+        share[0], rates[0] = -e * E[0], -(1 + e) * gaps[0][n:]
     change = np.linalg.solve(model.M, D.T)
     inverse = np.linalg.pinv(E @ change)
     by_v, by = inverse @ (share - E), inverse @ rates
@@ -103,7 +105,7 @@ def _stops(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterato
     for k in touch.modes[i + 1].sticking:
         if k not in impact.tangents:
             row = model.tangent(k)[None]
-            yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
+            yield model.rows(before, 0 * row, row @ impact.jump, *(row @ impact.offset).T)
 
 
 def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -114,7 +116,7 @@ def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> It
             continue
         row = -way[None]
         yield model.rows(before, 0 * row, -row if touch.turns[i, k] else row, np.zeros(1))
-        yield model.rows(before, 0 * row, row @ impact.jump, row @ impact.offset)
+        yield model.rows(before, 0 * row, row @ impact.jump, *(row @ impact.offset).T)
 
 
 def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -124,9 +126,9 @@ def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]
         row = sign * np.eye(model.problem.nq)[[j]]
         yield rate(model, before, j, sign, sign * most)
         after = row @ impact.jump
-        if (after != row).any() or impact.offset[j] != 0:
-            shift = row @ impact.offset - most
-            yield model.rows(before, 0 * row, after, shift)
+        if (after != row).any() or impact.offset[j].any():
+            shift, by_time = (row @ impact.offset).T
+            yield model.rows(before, 0 * row, after, shift - most, by_time)
 
 
 def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -135,7 +137,7 @@ def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Row
     if len(impact.pushes) > 1 and told(impact.pushes):
         none = np.zeros((1, model.problem.nq))
         for row in model.cones(impact.surfaces, impact.tangents):
-            yield model.rows(before, none, row[None] @ impact.by_v, row[None] @ impact.by)
+            yield model.rows(before, none, row[None] @ impact.by_v, *(row[None] @ impact.by).T)
 
 
 def _restitution(problem: Problem, j: int) -> float:
@@ -178,4 +180,5 @@ def add_range(
 
 def _is_decided(row: Rows) -> bool:
     """Whether a mode says already that a value vanishes."""
-    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or row.b_t[0])
+    moves = row.b_t[0] != 0 or row.b_tt[0] != 0
+    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or moves)

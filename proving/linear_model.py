@@ -20,6 +20,13 @@ from dmoc.proving.recognition import Affine, affine
 
 # Contacts are wedged where the mass matrix of what they leave free has this condition.
 WEDGED = 1e9
+# What is asked of surfaces.
+SURFACES = (
+    "proofs need surfaces that are flat, and that stand or move with a constant acceleration; "
+    "solve and search have no such limit."
+)
+# Shares of a gap that are rounding errors.
+NOTHING = 1e-12
 
 
 @record(frozen=True, eq=False)
@@ -84,7 +91,7 @@ class LinearModel:
         return self.momentum.A[:, self.problem.nq :]
 
     def gap(self, j: int) -> Affine:
-        """The gap to a surface as function of (q, t)."""
+        """The gap to a surface as function of (q, t, t^2/2)."""
         p, n = self.problem, self.problem.nq
         names = [*p.kernels.coordinates, "the time"]
         width = np.append(self.sizes, self.h * sum(p.phase_steps))
@@ -92,7 +99,18 @@ class LinearModel:
         def values(x: Array) -> Array:
             return p.model.gaps(x[:, :n], x[:, n])[:, [j]]
 
-        return affine(values, names, f"gap to {p.kernels.surfaces[j]}", width)
+        times = np.zeros((3, n + 1))
+        times[:, n] = np.array([-1, 0, 1]) * width[n]
+        before, now, then = values(times)[:, 0]
+        noise = NOTHING * (abs(before) + abs(now) + abs(then))
+        bent = before + then - 2 * now
+        bent = bent / width[n] ** 2 if abs(bent) > noise else 0.0
+
+        def rest(x: Array) -> Array:
+            return values(x) - bent * x[:, [n]] ** 2 / 2
+
+        even = affine(rest, names, f"gap to {p.kernels.surfaces[j]}", width, SURFACES)
+        return Affine(np.append(even.A, [[bent]], axis=1), even.b)
 
     @cached_property
     def flat(self) -> dict[int, Affine]:
@@ -170,7 +188,7 @@ class LinearModel:
     def _standing(self, j: int) -> Affine:
         """The gap to a surface that is touched for a while."""
         gap = self.gap(j)
-        if gap.A[0, self.problem.nq] != 0:
+        if gap.A[0, self.problem.nq :].any():
             raise ProblemError(
                 f"{self.problem.kernels.surfaces[j]} moves while it is touched: proofs cover "
                 "contacts that last with surfaces that stand."
@@ -214,9 +232,13 @@ class LinearModel:
         V[:, r : r + frame.moving] = inverse
         return V, -inverse @ frame.left @ (G @ frame.origin + p_0)
 
-    def rows(self, frame: Frame, a: Array, v: Array, b: Array, b_t: Array | float = 0.0) -> Rows:
-        """Functions a q + v v + b + b_t t of the state in a mode."""
+    def rows(
+        self, frame: Frame, a: Array, v: Array, b: Array,
+        b_t: Array | float = 0.0, b_tt: Array | float = 0.0,
+    ) -> Rows:  # fmt: skip
+        """Functions a q + v v + b + b_t t + b_tt t^2/2 of the state in a mode."""
         V, v_0 = self.velocity(frame)
         A = v @ V
         A[:, : frame.size] += a @ frame.Z
-        return Rows(A, a @ frame.origin + v @ v_0 + b, np.broadcast_to(b_t, b.shape).astype(float))
+        by_time = (np.broadcast_to(part, b.shape).astype(float) for part in (b_t, b_tt))
+        return Rows(A, a @ frame.origin + v @ v_0 + b, *by_time)

@@ -12,6 +12,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import shortest_durations
 from dmoc.program.liftoffs import liftoffs_of
+from dmoc.proving.clock import with_clock
 from dmoc.proving.coverage import check_covered
 from dmoc.proving.linear import LinearProblem, Rows, through
 from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of, rate
@@ -46,12 +47,13 @@ def linear_problem(problem: Problem) -> LinearProblem:
         size = last.after.A.shape[1]
         zero = Rows.stacked([through(zero, last.after), last.zero], size)
         most = Rows.stacked([through(most, last.after), last.most], size)
-    return LinearProblem(
+    linear = LinearProblem(
         tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
         zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
         problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model, frames),
     )  # fmt: skip
+    return with_clock(linear, problem.scheme)
 
 
 def _durations(problem: Problem) -> Array:
@@ -67,7 +69,7 @@ def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
     untold = not all(told(frame.pushes) for frame in frames)
     rates = {*map(velocity_name, p.kernels.coordinates)}
-    moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq] != 0]
+    moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq :].any()]
     return (
         *(f"the gap to {name} along phases" for name in (*others, *moving)),
         *(f"bounds of {name}" for name in p.limits if name not in rates),
@@ -134,10 +136,10 @@ def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], li
         parts = [(f, _state(model, first, name)) for name, f in relation.terms]
         tie = sum(-f * row.A for f, row in parts)
         rest = end.b - sum(f * row.b for f, row in parts)
-        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, np.zeros(1))
+        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, np.zeros(1), np.zeros(1))
 
         def row(sign: float, value: float, rows: Rows = rows) -> Rows:
-            return Rows(sign * rows.A, sign * (rows.b - value), rows.b_t)
+            return Rows(sign * rows.A, sign * (rows.b - value), rows.b_t, rows.b_tt)
 
         add_range(zero, most, relation.low, relation.high, row)
     return zero, most
@@ -170,7 +172,7 @@ def _ends(
         own = Rows.stacked(goal, size)
         both = Rows.stacked(tied, size + 2 * first.size)
         tie = both.A[:, size:]
-        end = Rows(both.A[:, :size], both.b + tie @ start, both.b_t)
+        end = Rows(both.A[:, :size], both.b + tie @ start, both.b_t, both.b_tt)
         ends.append(Rows.stacked([own, end], size))
         ties.append(np.vstack([np.zeros((len(own.b), 2 * first.size)), tie]))
     return ends[0], ends[1], ties[0], ties[1]

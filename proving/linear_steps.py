@@ -231,7 +231,7 @@ class LinearSteps:
                     since.append(0.0)
         for j, gap in self.model.flat.items():
             there = p.kernels.surfaces[j] not in p.ignored and j not in modes[i].closed
-            if there and gap.A[0, n] == 0:
+            if there and not gap.A[0, n:].any():
                 rows.append(gap.A[0, :n])
                 most.append(-gap.b[0])
                 since.append(float(i > 0 and j in modes[i - 1].closed))

@@ -82,9 +82,10 @@ def prove(
     ----------
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
-        and inputs; surfaces of its sequence are flat, and stand or move evenly; its cost is convex
-        and quadratic in the inputs, and in positions and velocities apart from them.  Its final
-        time has an upper bound, and ranges of its start have both ends.
+        and inputs; surfaces of its sequence are flat, and stand or move with a constant
+        acceleration; its cost is convex and quadratic in the inputs, and in positions and
+        velocities apart from them.  Its final time has an upper bound, and ranges of its start have
+        both ends.
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional

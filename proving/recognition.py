@@ -33,10 +33,11 @@ class Affine:
 
 
 def affine(
-    function: Callable[[Array], Array], names: Sequence[str], what: str, sizes: Array
-) -> Affine:
+    function: Callable[[Array], Array], names: Sequence[str], what: str, sizes: Array,
+    needed: str = NEEDED,
+) -> Affine:  # fmt: skip
     """The affine function that a function of rows x, shape (k, n), is; raise ProblemError where it
-    is none. ``sizes`` are typical of x, shape (n,)."""
+    is none, and say what is ``needed``. ``sizes`` are typical of x, shape (n,)."""
     n = len(names)
     values = function(np.vstack([np.zeros(n), np.diag(sizes)]))
     b = values[0]
@@ -46,7 +47,7 @@ def affine(
     most = np.abs(x) @ np.abs(A).T + np.abs(b)
     if not (error <= SAME_VALUE * np.maximum(most, most.max(initial=0.0))).all():
         culprit = _culprit(function, names, sizes)
-        raise ProblemError(f"the {what} is no affine function of {culprit}: {NEEDED}")
+        raise ProblemError(f"the {what} is no affine function of {culprit}: {needed}")
     return Affine(A, b)
 
 
