@@ -7,8 +7,9 @@ that a problem stated in other units has the same scaled program.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -39,6 +40,9 @@ NARROW = 1e-2
 # Scaled cost of a first motion, and of a minimum, which costs less: what constraints of size 1 are
 # weighed against in merit functions and barriers.
 FIRST_COST, MINIMUM_COST = 100.0, 10.0
+
+
+T = TypeVar("T", "Reached", Scale)
 
 
 @record(frozen=True, eq=False)
@@ -144,15 +148,22 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
 def scale_of_rows(problems: Stacked, lay: Layout, x: Array) -> Scale:
     """The sizes of problems of one form at a minimum x, shape (n,), that is one of a neighbour, as
     :func:`scale_of` reads them, with a leading axis for the problems: of motions that are free
-    between hits, without constraints of their paths."""
+    between hits."""
+    if problems.kernels.manifest.path_rows:  # looks along each motion
+        return _stacked([scale_of(problem, x, minimum=True) for problem in problems.each])
     with np.errstate(all="ignore"):
         reached = [_reached(Iterate(problem, lay, x)) for problem in problems.each]
         of_all = reached[0]
         if not all(one is of_all for one in reached):
-            every = ((f.name, [getattr(one, f.name) for one in reached]) for f in fields(Reached))
-            parts: dict[str, Any] = {name: np.array(part) for name, part in every}
-            of_all = Reached(**parts)
+            of_all = _stacked(reached)
         return _with_cost(Iterate(cast(Problem, problems), lay, x), of_all, True)[0]
+
+
+def _stacked(every: Sequence[T]) -> T:
+    """Records of one kind as one, whose arrays have a leading axis for them."""
+    kind: Any = type(every[0])
+    made: T = kind(*(np.array([getattr(one, f.name) for one in every]) for f in fields(kind)))
+    return made
 
 
 def _with_cost(at: Iterate, reached: Reached, minimum: bool) -> tuple[Scale, Array]:

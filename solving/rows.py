@@ -100,7 +100,7 @@ def _is_free(problem: Problem) -> bool:
     facts = kernels.manifest
     if not is_free(kernels) or kernels.quantities or facts.hidden or facts.attitudes:
         return False
-    if facts.path_rows or (problem.nu and not facts.inputs_enter_linearly):
+    if problem.nu and not facts.inputs_enter_linearly:
         return False
     others = problem.open_hits or problem.design or problem.relations or problem.models.change
     if others or touch.open or not touch.free or problem.ends_with_event:

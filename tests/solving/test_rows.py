@@ -9,6 +9,8 @@ from typing import Any
 import block_and_wall
 import numpy as np
 import pytest
+from sympy.physics.mechanics import dynamicsymbols
+from systems import unit_mass
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -104,7 +106,22 @@ def puck(*hits: str) -> dmoc.Problem:
     return base.but(sequence=hits, steps=10)
 
 
+def limited() -> dmoc.Problem:
+    """A mass whose power is limited."""
+    x, u = dynamicsymbols("x u")
+    system = unit_mass(
+        "limited",
+        path_constraints={"power": 1e3 * u * x.diff(dynamicsymbols._t) <= 1e3},
+        cost=u**2 / 2,
+    )
+    return dmoc.Problem(
+        dmoc.build(system), start={"x": 0.0}, goal={"x": 0.6, "x_dot": 0.0}, final_time=1.0,
+        steps=12,
+    )  # fmt: skip
+
+
 CASES = {
+    "limited power": limited,
     "one hit": lambda: pendulum(2),
     "order 4": lambda: pendulum(4),
     "linear inputs": lambda: pendulum(2, controls="linear"),
