@@ -81,7 +81,8 @@ def _forms(problems: Sequence[tuple[int, Problem]]) -> dict[Hashable, list[int]]
             id(problem.kernels), problem.sequence, problem.phase_steps, problem.control_form,
             tuple(problem.contacts), tuple(problem.ignored), problem.minimal_times,
             problem.by_rates, bool(problem.relations or problem.design),
-            len(problem.parameter_values), *(array.tobytes() for array in arrays),
+            problem.steps is None, len(problem.parameter_values),
+            *(array.tobytes() for array in arrays),
         )  # fmt: skip
         places.setdefault(form, []).append(k)
     return places

@@ -213,6 +213,19 @@ def test_what_starts_elsewhere_or_rubs_is_solved_alone(
     assert batch.solved.all() and not together
 
 
+def test_what_chooses_its_mesh_is_solved_alone(
+    together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    """Beside neighbours whose steps are stated, and are those of its first mesh."""
+    refined = puck().but(steps=None)
+    stated = refined.but(steps=refined.phase_steps)
+    guess = dmoc.solve(stated, "ipm", starts=1, verify=False)
+    problems = [p.but(final_time=t) for t in (1.9, 2.0) for p in (stated, refined)]
+    batch = dmoc.solve_many(problems, guess=guess, verify=False)
+    assert sorted(together) == [0, 2]
+    same(batch, alone(problems, guess=guess, verify=False))
+
+
 def test_rows_that_end_at_a_limit_are_those_of_solves(
     together: list[int], alone: Callable[..., dmoc.Batch]
 ) -> None:
