@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dmoc.base.arguments import place, shown
@@ -65,6 +65,17 @@ def omega_names(attitude: str) -> tuple[str, str, str]:
     """The quantities that are the angular velocity of an attitude."""
     x, y, z = (f"{attitude}_omega_{axis}" for axis in "xyz")
     return x, y, z
+
+
+def of_quaternions(coordinates: Sequence[str], quantities: Sequence[str]) -> set[str]:
+    """The coordinates that are quaternions of attitudes, whose angular velocities are among the
+    quantities."""
+    known, own = {*coordinates}, set[str]()
+    for attitude in (name.removesuffix("0") for name in coordinates if name.endswith("0")):
+        four = {f"{attitude}{k}" for k in range(4)}
+        if four <= known and {*omega_names(attitude)} <= {*quantities}:
+            own |= four
+    return own
 
 
 def unit_constraint(attitude: str) -> str:

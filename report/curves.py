@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dmoc.base.names import of_quaternions
 from dmoc.base.tolerances import SAME
 from dmoc.motion.scene import resampled
 from dmoc.motion.states import PARTS
@@ -72,10 +73,11 @@ class Panel:
 
 def panels_of(motion: Trajectory, beside: Sequence[Trajectory] = ()) -> list[Panel]:
     """Coordinates, velocities, momenta, inputs, quantities and contact forces, those of one unit
-    together; for motions that stand beside each other in the same panels."""
+    together; for motions that stand beside each other in the same panels.  Of quaternions there are
+    angular velocities in the place of rates and momenta."""
     names, units = motion.coordinates, [motion.units.get(name, "") for name in motion.coordinates]
     labels = [label_of(name) for name in names]
-    every = beside or (motion,)
+    every, turns = beside or (motion,), of_quaternions(names, motion.quantities)
     panels: list[Panel] = []
     for quantity, texts, symbols, measures in (
         ("q", names, labels, units),
@@ -100,7 +102,11 @@ def panels_of(motion: Trajectory, beside: Sequence[Trajectory] = ()) -> list[Pan
             continue
         values = np.vstack([getattr(p, quantity) for m in every for p in m.phases]).T
         for unit, numbers in _grouped(measures, None if quantity == "u" else values):
-            own = tuple(curves[i] for i in numbers)
+            own = tuple(
+                curves[i] for i in numbers if quantity not in ("v", "p") or names[i] not in turns
+            )
+            if not own:
+                continue
             panels.append(Panel(quantity, unit, tuple(t for t, _ in parts), own))
     return [*panels, *_forces(motion)]
 

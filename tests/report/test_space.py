@@ -10,12 +10,15 @@ import pytest
 from films import AXES, TURN, flight, motion
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from sympy.physics.mechanics import dynamicsymbols
 
+import dmoc
 from dmoc.motion.scene import Scene, Shape
 from dmoc.report import camera as cameras
 from dmoc.report.animation.page import film_room, page_of
 from dmoc.report.animation.stage import stage_of
 from dmoc.report.camera import Camera, camera_of, reach_of
+from dmoc.report.curves import panels_of
 from dmoc.report.faces import (
     BODY,
     EDGE,
@@ -236,3 +239,19 @@ def test_normal_forces_and_inputs_have_arrows_in_space_and_friction_has_none() -
     take = Take("", replace(solid, scene=replace(solid.scene, shapes=shapes, values=values)))
     arrows = {(arrow["kind"], arrow["shape"]): arrow["largest"] for arrow in take.arrows}
     assert arrows == {("u", first): 5.0, ("N", first - 1): 20.0}
+
+
+def test_a_body_that_turns_has_its_angular_velocity_in_the_place_of_rates() -> None:
+    """Of the four numbers of its attitude; other coordinates keep theirs."""
+    x, world = dynamicsymbols("x"), dmoc.spatial.World()
+    world.ball("q", inertia=(1, 1, 2))
+    world.slide(x, "x", mass=1, inertia=(0, 0, 0))
+    top = dmoc.build(world.system("top", cost=1), backend="numpy")
+    run = dmoc.simulate(top, {}, {"q_omega_z": 2.0, "x_dot": 1.0}, step_size=0.1, steps=3)
+    shown = {
+        kind: [c.name for p in panels_of(run.trajectory) if p.quantity == kind for c in p.curves]
+        for kind in ("q", "v", "p", "quantities")
+    }
+    assert shown["q"] == ["q0", "q1", "q2", "q3", "x"]
+    assert (shown["v"], shown["p"]) == (["x_dot"], ["p_x"])
+    assert shown["quantities"] == ["q_omega_x", "q_omega_y", "q_omega_z"]
