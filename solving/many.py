@@ -257,7 +257,7 @@ def solve_share(share: Share) -> list[Row]:
         return [_interrupted(share.problems[0][0])]
     for number, problem in share.problems:
         if number not in together and share.deadline.passed:
-            break
+            continue
         rows.append(together.get(number) or _row(number, problem, share))
         if rows[-1].status == Status.INTERRUPTED:
             break

@@ -13,6 +13,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from systems import unit_mass
 
 import dmoc
+from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Kernels
 from dmoc.models.registry import find
 from dmoc.program.rows import row_numbers
@@ -276,6 +277,30 @@ def test_rows_stop_in_time_and_by_ctrl_c(
     monkeypatch.setattr(rows, "row_numbers", interrupted)
     batch = dmoc.solve_many(problems, guess=guess, verify=False)
     assert batch.counts == {"interrupted": 1, "not_tried": 39}
+
+
+def test_rows_that_are_solved_in_time_are_kept(
+    together: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those behind one that has no time too; where ends are checked, solves leave time for it."""
+    base = pendulum(2)
+    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
+    plain, left = neighbours(base, 3, 0.02), list[float]()
+
+    def late(*args: Any) -> Any:
+        left.append(args[-1].deadline.left)
+        ends = solve_rows(*args)
+        monkeypatch.setattr(Deadline, "passed", True)
+        return ends
+
+    problems = [plain[0], base.but(steps=(6, 9)), *plain[1:]]
+    with monkeypatch.context() as patch:
+        patch.setattr(rows, "solve_rows", late)
+        batch = dmoc.solve_many(problems, guess=guess, verify=False, seconds=1000.0)
+        assert batch.status == ("solved", "not_tried", "solved", "solved")
+        monkeypatch.setattr(Deadline, "passed", False)
+        batch = dmoc.solve_many(problems, guess=guess, seconds=1000.0)
+    assert batch.counts == {"not_tried": 4} and left[1] <= 500.0 < left[0]
 
 
 def test_an_error_of_rows_is_left_to_solves(together: list[int]) -> None:
