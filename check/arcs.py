@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
@@ -14,10 +15,12 @@ from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
 
 # Largest gap g > 0 that counts as none, relative to how far the motion's ranges move the gap.
 PENETRATION = 0.002
-# A node within this share of the gap's size lies on the surface; so many in a row slide along it.
-# A motion that slides may enter the surface between its nodes as far as penetration may be; one
-# that grazes it would bounce.
+# A node within the first share of the gap's size lies on the surface.  So many in a row slide along
+# it, or so many within the second share, as chords of a curved surface do.  A motion that slides
+# may enter the surface between its nodes as far as penetration may be; one that grazes it would
+# bounce.
 ON_ARC, LASTING = 1e-4, 3
+ON_CHORD, CHORDS = 3e-4, 5
 
 
 @value_class(frozen=True)
@@ -33,9 +36,9 @@ class Arc:
 def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
     """Arcs of a motion on surfaces without a planned collision."""
     arcs, model = list[Arc](), nodes.model
-    near = nodes.gaps >= -ON_ARC * sizes.gap
+    near, chords = (nodes.gaps >= -share * sizes.gap for share in (ON_ARC, ON_CHORD))
     arcs += _round_ends(trajectory, nodes, sizes)
-    if not near.any():
+    if not chords.any():
         return arcs
     hits = [
         (model.surface_numbers[c.surface], c.time)
@@ -46,20 +49,27 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
         if not phase.steps:
             continue
         own, h = nodes.of_phase(i), phase.step_size
-        on = near[own]
+        # What happens after the end is nobody's business.
+        ends = near[own] & (phase.t >= sizes.time - h / 2)[:, None]
+        on = _in_rows(near[own], LASTING) | _in_rows(chords[own], CHORDS) | ends
         on[:, [model.surface_numbers[name] for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
             if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):
-                slides = any(
-                    on[max(k - i, 0) : k + 3 - i, j].sum() == LASTING for i in range(LASTING)
-                )
-                # What happens after the end is nobody's business.
-                ends = t >= sizes.time - h / 2
-                if slides or ends:
-                    size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
-                    arcs.append(Arc(int(j), t - h, t + h, PENETRATION * float(size)))
+                size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
+                arcs.append(Arc(int(j), t - h, t + h, PENETRATION * float(size)))
     return arcs
+
+
+def _in_rows(on: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
+    """Nodes (n, nc) that are among so many in a row which are all on."""
+    among, count = np.zeros_like(on), len(on) - least + 1
+    whole = (
+        np.logical_and.reduce([on[i : i + count] for i in range(least)]) if count > 0 else on[:0]
+    )
+    for i in range(least):
+        among[i : i + len(whole)] |= whole
+    return among
 
 
 def _round_ends(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> Iterator[Arc]:

@@ -15,11 +15,12 @@ from dmoc.check.arcs import PENETRATION, Arc, allowance, arcs_of
 def found(
     monkeypatch: pytest.MonkeyPatch, patterns: list[str], hits: list[tuple[str, float]], end: float
 ) -> list[tuple[int, float, float]]:
-    """Surface, middle and depth of the arcs of one phase, for a mark at each node that lies on each
-    surface."""
-    on = np.array([[c == "x" for c in pattern] for pattern in patterns]).T
+    """Surface, middle and depth of the arcs of one phase, for an x at each node that lies on each
+    surface and an o at one beside it."""
+    away = {"x": 0.5e-4, "o": 2e-4, ".": 4e-4}
+    on = -np.array([[away[c] for c in pattern] for pattern in patterns]).T
     names = {"floor": 0, "roof": 1}
-    gaps = np.where(on, -0.5e-4, -2e-4) * np.array([2.0, 3.0])
+    gaps = on * np.array([2.0, 3.0])
     monkeypatch.setattr(arcs, "gap_sizes", lambda slopes, sizes: np.array([2.0, 3.0]))
     nodes: Any = SimpleNamespace(
         gaps=gaps, model=SimpleNamespace(surface_numbers=names, ends={}),
@@ -44,7 +45,8 @@ def found(
         (".........", []), ("....x....", []), ("...xx....", []), ("...xxx...", [3, 4, 5]),
         ("xxx......", [0, 1, 2]), ("xx.......", []), ("x........", []),
         ("..xxxxx..", [2, 3, 4, 5, 6]), ("x.x.x.x..", []), ("xx.xxx.x.", [3, 4, 5]),
-        (".....xxx.", [5, 6, 7]), ("......xx.", []),
+        (".....xxx.", [5, 6, 7]), ("......xx.", []), ("..ooooo..", [2, 3, 4, 5, 6]),
+        ("...oooo..", []), ("xoxox.oo.", [0, 1, 2, 3, 4]), ("ooo..xxx.", [5, 6, 7]),
     ],
 )  # fmt: skip
 def test_three_nodes_in_a_row_slide_and_fewer_touch(

@@ -182,8 +182,8 @@ def thrown(kernels: Kernels, steps: int) -> Trajectory:
     [
         (lambda k: weaving(k, 0.0019), lambda k: weaving(k, 0.0021), "penetration 0.0021 exceeds"),
         (
-            lambda k: weaving(k, 0.0015, 0.9e-4),
-            lambda k: weaving(k, 0.0015, 1.1e-4),
+            lambda k: weaving(k, 0.0015, 2.9e-4),
+            lambda k: weaving(k, 0.0015, 3.1e-4),
             "the simulation meets a contact with 'roof' at 1.0",
         ),
         (
@@ -199,8 +199,8 @@ def test_a_simulation_may_enter_a_surface_that_a_motion_lies_on(
     outside: Callable[[Kernels], Trajectory],
     reason: str,
 ) -> None:
-    """By 0.2 % where three nodes in a row lie on it, up to 0.01 %, and where it only touches if a
-    bounce would change no momentum by more than 1 %."""
+    """By 0.2 % where nodes in a row lie on it, three up to 0.01 % or five up to 0.03 %, and where
+    it only touches if a bounce would change no momentum by more than 1 %."""
     good, bad = (dmoc.verify(make(lift), lift) for make in (inside, outside))
     assert good.passed, good.message
     assert not bad.passed and reason in bad.message, bad.message
