@@ -17,10 +17,11 @@ from dmoc.simulation.sizes import Nodes, Sizes, gap_sizes
 PENETRATION = 0.002
 # A node within the first share of the gap's size lies on the surface.  So many in a row slide along
 # it, or so many within the second share, as chords of a curved surface do.  A motion that slides
-# may enter the surface between its nodes as far as penetration may be; one that grazes it would
-# bounce.
+# may enter the surface between its nodes as far as penetration may be, one that grazes it less far:
+# it would bounce, with 1 % of its speed where a throw is that deep.
 ON_ARC, LASTING = 1e-4, 3
 ON_CHORD, CHORDS = 3e-4, 5
+GRAZED = 1e-4
 
 
 @value_class(frozen=True)
@@ -51,13 +52,15 @@ def arcs_of(trajectory: Trajectory, nodes: Nodes, sizes: Sizes) -> list[Arc]:
         own, h = nodes.of_phase(i), phase.step_size
         # What happens after the end is nobody's business.
         ends = near[own] & (phase.t >= sizes.time - h / 2)[:, None]
-        on = _in_rows(near[own], LASTING) | _in_rows(chords[own], CHORDS) | ends
+        slides = _in_rows(near[own], LASTING) | _in_rows(chords[own], CHORDS) | ends
+        on = near[own] | slides
         on[:, [model.surface_numbers[name] for name in phase.closed]] = False
         for k, j in zip(*np.nonzero(on), strict=True):
             t = float(phase.t[k])
             if not any(surface == j and abs(t - at) <= 2.5 * h for surface, at in hits):
+                depth = PENETRATION if slides[k, j] else GRAZED
                 size = gap_sizes(nodes.gap_slopes[own][k], sizes)[j]
-                arcs.append(Arc(int(j), t - h, t + h, PENETRATION * float(size)))
+                arcs.append(Arc(int(j), t - h, t + h, depth * float(size)))
     return arcs
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dmoc.check import arcs
-from dmoc.check.arcs import PENETRATION, Arc, allowance, arcs_of
+from dmoc.check.arcs import GRAZED, PENETRATION, Arc, allowance, arcs_of
 
 
 def found(
@@ -40,29 +40,36 @@ def found(
 
 @pytest.mark.parametrize("surface", [0, 1])
 @pytest.mark.parametrize(
-    ("pattern", "deep"),
+    ("pattern", "deep", "shallow"),
     [
-        (".........", []), ("....x....", []), ("...xx....", []), ("...xxx...", [3, 4, 5]),
-        ("xxx......", [0, 1, 2]), ("xx.......", []), ("x........", []),
-        ("..xxxxx..", [2, 3, 4, 5, 6]), ("x.x.x.x..", []), ("xx.xxx.x.", [3, 4, 5]),
-        (".....xxx.", [5, 6, 7]), ("......xx.", []), ("..ooooo..", [2, 3, 4, 5, 6]),
-        ("...oooo..", []), ("xoxox.oo.", [0, 1, 2, 3, 4]), ("ooo..xxx.", [5, 6, 7]),
+        (".........", [], []), ("....x....", [], [4]), ("...xx....", [], [3, 4]),
+        ("...xxx...", [3, 4, 5], []), ("xxx......", [0, 1, 2], []), ("xx.......", [], [0, 1]),
+        ("x........", [], [0]), ("..xxxxx..", [2, 3, 4, 5, 6], []), ("x.x.x.x..", [], [0, 2, 4, 6]),
+        ("xx.xxx.x.", [3, 4, 5], [0, 1, 7]), (".....xxx.", [5, 6, 7], []),
+        ("......xx.", [], [6, 7]), ("..ooooo..", [2, 3, 4, 5, 6], []), ("...oooo..", [], []),
+        ("xoxox.oo.", [0, 1, 2, 3, 4], []), ("oox..xxx.", [5, 6, 7], [2]),
     ],
 )  # fmt: skip
-def test_three_nodes_in_a_row_slide_and_fewer_touch(
-    monkeypatch: pytest.MonkeyPatch, surface: int, pattern: str, deep: list[int]
+def test_nodes_in_a_row_slide_and_fewer_touch(
+    monkeypatch: pytest.MonkeyPatch,
+    surface: int,
+    pattern: str,
+    deep: list[int],
+    shallow: list[int],
 ) -> None:
     patterns = ["........."] * 2
     patterns[surface] = pattern
     made = found(monkeypatch, patterns, [], 100.0)
-    assert [t for _, t, _ in made] == pytest.approx(deep)
-    assert [depth for _, _, depth in made] == pytest.approx([PENETRATION] * len(deep))
+    expected = [(k, PENETRATION) for k in deep] + [(k, GRAZED) for k in shallow]
+    assert [(t, depth) for _, t, depth in made] == [
+        (pytest.approx(k), pytest.approx(d)) for k, d in sorted(expected)
+    ]
     assert all(j == surface for j, _, _ in made)
 
 
 def test_what_touches_at_the_end_counts_as_if_it_slid(monkeypatch: pytest.MonkeyPatch) -> None:
     made = found(monkeypatch, ["....x...x", "........."], [], 8.0)
-    assert [depth for _, _, depth in made] == pytest.approx([PENETRATION])
+    assert [depth for _, _, depth in made] == pytest.approx([GRAZED, PENETRATION])
 
 
 @pytest.mark.parametrize(
