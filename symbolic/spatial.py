@@ -164,7 +164,7 @@ class World(Body, Ground):
         D. Manocha, "OBBTree", SIGGRAPH 1996.
 
         Where the nearest points jump, as on parallel segments or faces, the distance has a kink:
-        state a surface for each of :func:`dmoc.spatial.features` there.
+        state a surface for each of :func:`~dmoc.symbolic.distances.features` there.
 
         Examples
         --------
