@@ -12,6 +12,7 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Bools
 from dmoc.program.transcription import Transcription
+from dmoc.proving.central_path import CentralPath
 from dmoc.proving.dependence import Null
 from dmoc.proving.factorisation import SignedFactors
 from dmoc.proving.names import bound_name, row_name
@@ -154,6 +155,19 @@ def independent(nlp: Transcription, active: ActiveSet, x: Array, y: Array) -> Po
             break
         active = active.without(row)
     return posed(nlp, active, x, y)
+
+
+def followed(nlp: Transcription, x: Array, duals: Duals) -> tuple[Array, Duals]:
+    """Unknowns, shape (n,), and multipliers that tell better than those of an answer which
+    inequalities hold."""
+    e, nothing = nlp.n_eq, np.zeros(nlp.n, dtype=bool)
+    left_out = independent(nlp, first_set(nlp, x, duals), x, duals.rows).active.left_out
+    rows = may_hold(nlp) & (np.arange(len(left_out)) >= e)
+    rows[:e] = ~left_out[:e]
+    point = posed(nlp, ActiveSet(nothing, nothing, rows, left_out), x, duals.rows)
+    path = CentralPath(point.system, point.x, point.y, duals.z)
+    multipliers = path.follow()
+    return path.x, multipliers
 
 
 def _without_implied(nlp: Transcription, point: Point) -> Point:

@@ -11,7 +11,15 @@ from dmoc.base.signatures import public
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.transcription import Transcription
-from dmoc.proving.active_set import ELSEWHERE, doubtful, first_set, independent, sharpened
+from dmoc.proving.active_set import (
+    ELSEWHERE,
+    Point,
+    doubtful,
+    first_set,
+    followed,
+    independent,
+    sharpened,
+)
 from dmoc.proving.names import listed
 from dmoc.proving.proof import Trial, proof
 from dmoc.results.certificate import Certificate
@@ -84,10 +92,17 @@ def _certificate(nlp: Transcription, x: Array, duals: Duals) -> Certificate:
     size = nlp.n + nlp.n_eq
     if size > MOST:
         return Certificate((f"the program has {size} unknowns and equations, more than {MOST}.",))
-    point = sharpened(nlp, x, duals)
-    if point.away(x) <= ELSEWHERE:
-        return proof(nlp, x, point)
-    return Certificate((_elsewhere(nlp, x, duals),))
+    certificate = _near(nlp, x, sharpened(nlp, x, duals))
+    if certificate is None or not certificate.proved:
+        again = _near(nlp, x, sharpened(nlp, *followed(nlp, x, duals)))
+        if again is not None and (certificate is None or again.proved):
+            return again
+    return certificate or Certificate((_elsewhere(nlp, x, duals),))
+
+
+def _near(nlp: Transcription, x: Array, point: Point) -> Certificate | None:
+    """What is proved at a point; None where that is far from the answer x, shape (n,)."""
+    return proof(nlp, x, point) if point.away(x) <= ELSEWHERE else None
 
 
 def _elsewhere(nlp: Transcription, x: Array, duals: Duals) -> str:

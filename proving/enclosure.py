@@ -19,9 +19,9 @@ from dmoc.proving.factorisation import SignedFactors, lost_of
 Matrix = Any  # of SciPy, sparse
 
 COLUMNS = 256  # of the inverse that are worked on at a time
-# The radii begin at so many times |R F|; where they are too small, they are that many times what
-# they should be, so often.
-BEGIN, ENLARGED, TRIALS = 2.0, 1.2, 8
+# The radii begin at so many times |R F|; where some are too small, all are that many times what
+# they should be, so often: those that are too large shrink, or the others would grow with them.
+BEGIN, ENLARGED, TRIALS = 2.0, 1.2, 12
 # More than what rounding to single precision takes away of a number, and the least one.
 SINGLE, LEAST = 1e-6, 1e-37
 
@@ -77,5 +77,5 @@ def radii(inverse: Inverse, F: Array, variation: Callable[[Array], Matrix]) -> A
             return needed
         if not np.isfinite(needed).all():
             return None
-        r = ENLARGED * np.maximum(needed, r)
+        r = ENLARGED * needed
     return None

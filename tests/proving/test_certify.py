@@ -8,6 +8,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy.sparse
 import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 from systems import block_system, there_and_back, unit_mass
@@ -16,7 +17,9 @@ import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.base.table import plain
 from dmoc.codegen.kernels import Kernels
-from dmoc.proving.active_set import first_set, sharpened
+from dmoc.proving.active_set import first_set, followed, sharpened
+from dmoc.proving.enclosure import Inverse, radii
+from dmoc.proving.factorisation import SignedFactors
 from dmoc.proving.proof import Near, proof
 from dmoc.results.certificate import Certificate
 from dmoc.solvers.outcome import Duals, Status
@@ -188,6 +191,74 @@ def test_constraints_that_hold_are_found_without_their_multipliers(mass: Kernels
         assert first_set(nlp, x, Duals(duals.y, duals.w, z)).upper.any() == bool(said)
         point = sharpened(nlp, x, Duals(duals.y, duals.w, z))
         assert point.active.upper.any() == holds and proof(nlp, x, point).proved
+
+
+@pytest.mark.parametrize("beyond", [2e-6, -2e-6])
+def test_what_an_answer_leaves_open_is_told_further_along_the_central_path(
+    mass: Kernels, beyond: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bound a little below the top of a throw pushes as much as it is below, and one above does
+    not, where distance and multiplier of an answer are alike."""
+    there = stated(mass, start={"x": 0.0, "x_dot": 1.0}, goal={"x": 0.0, "x_dot": -1.0})
+    problem = there.but(bounds={"x": (None, 0.25 + beyond)})
+    nlp, duals = at_solution(problem, solution := dmoc.solve(problem, starts=1))
+    k = int(nlp.layout.index_q[3, 0])
+    x = nlp.scaled(solution.unknowns)
+    # As an interior-point method ends, with the product 1e-11.
+    top = np.minimum(x[k], nlp.upper[k] - 3e-6)
+    z = duals.z.copy()
+    z[k] = -1e-11 / (nlp.upper[k] - top)
+    x[k] = top
+    near, told = followed(nlp, x, Duals(duals.y, duals.w, z))
+    force, distance = -told.z[k], nlp.upper[k] - near[k]
+    if beyond > 0:
+        assert distance == pytest.approx(beyond / nlp.sizes[k], rel=1e-3)
+        assert force < 1e-4 * distance
+    else:
+        lower = there.but(bounds={"x": (None, 0.2)})
+        of_lower, pushed = at_solution(lower, dmoc.solve(lower, starts=1))
+        size = (of_lower.scale.cost / of_lower.sizes[k]) / (nlp.scale.cost / nlp.sizes[k])
+        assert force == pytest.approx(-pushed.z[k] * size * -beyond / 0.05, rel=1e-3)
+        assert distance < 1e-4 * force
+    monkeypatch.setattr("dmoc.proving.active_set.ROUNDS", 1)
+    assert dmoc.certify(problem, replace(solution, unknowns=x * nlp.sizes)).proved
+
+
+@pytest.mark.parametrize("beyond", [2e-6, -2e-6])
+def test_rows_are_told_along_the_central_path(beyond: float) -> None:
+    """The same for an inequality: with a multiplier and a distance that are alike, both are what a
+    solve has that ends sharply."""
+    a = sp.Symbol("a")
+    limited = dmoc.MechanicalSystem(
+        "limited_once", [X], X.diff() ** 2 / 2, {a: 0.25 + beyond}, [U], {X: U}, cost=U**2 / 2,
+        path_constraints={"low": a >= X},
+    )  # fmt: skip
+    ends = {"start": {"x": 0.0, "x_dot": 1.0}, "goal": {"x": 0.0, "x_dot": -1.0}}
+    problem = stated(dmoc.build(limited, backend="numpy"), **ends)
+    nlp, duals = at_solution(problem, solution := dmoc.solve(problem, starts=1))
+    x, w = nlp.scaled(solution.unknowns), duals.w.copy()
+    k, row = nlp.layout.index_q[3, 0], int(np.argmin(nlp.inequality(x)))
+    x[k], w[row] = x[k] - 3e-6, 3e-6
+    near, told = followed(nlp, x, Duals(duals.y, w, duals.z))
+    distance, force = nlp.inequality(near)[row], told.w[row]
+    sharp = sharpened(nlp, x, duals)
+    assert force == pytest.approx(-sharp.y[nlp.n_eq + row], rel=1e-3, abs=1e-9)
+    assert distance == pytest.approx(nlp.inequality(sharp.x)[row], rel=1e-3, abs=1e-9)
+    assert (force > 1e3 * distance) == (beyond < 0)
+
+
+def test_radii_that_are_too_large_shrink() -> None:
+    """The second one needs the square of the first, whose first guess is twice what it needs: it
+    would never get it from one that grows with it."""
+    K = scipy.sparse.identity(2, format="csr")
+    inverse = Inverse(K, SignedFactors(K))
+
+    def variation(r: Any) -> Any:
+        return scipy.sparse.csr_matrix(np.array([[0.0, 1e-3 * r[0]], [0.0, 0.0]]))
+
+    within = radii(inverse, np.array([1.0, 1e-9]), variation)
+    assert within is not None
+    np.testing.assert_allclose(within, [1.0, 1e-3 * 1.2**2], rtol=1e-5)
 
 
 def test_forces_that_are_shared_stay_as_they_are() -> None:
