@@ -80,8 +80,9 @@ def rich_table(table: Table) -> RichTable:
     from rich.table import Table as RichTable
 
     shown = RichTable(box=None, header_style="bold", show_header=bool(table.head))
-    for name in table.head:
-        shown.add_column(name, overflow="fold")  # nothing is cut
+    for k, name in enumerate(table.head):  # nothing is cut, and words are folded last
+        words = all(" " not in plain(row[k]).strip() for row in table.rows)
+        shown.add_column(name, overflow="fold", no_wrap=words)
     for row in table.rows:
         shown.add_row(*map(_text, row))
     return shown

@@ -17,11 +17,13 @@ from typing import Any
 from dmoc.base.arguments import path as path_of
 from dmoc.base.arguments import place, shown
 from dmoc.base.errors import ModelError
+from dmoc.robots.entries import check_urdf
 
 LARGEST = 16 * 2**20  # bytes: descriptions of whole humanoids have a sixteenth of it
 DEEPEST = 200  # elements within elements
 MOST_LINKS = 1000
 LONGEST_WORDS = 200  # of what another parser says
+AROUND = b" \t\r\n\0"  # before and behind a description
 
 SOLIDS = ("box", "sphere", "cylinder", "capsule")
 # Elements of a URDF by the one they stand in.
@@ -47,8 +49,8 @@ MJCF = {
 # Attributes of elements of MJCF that are kept, of those that have others beside.
 ATTRIBUTES = {
     "compiler": (
-        "angle", "eulerseq", "autolimits", "inertiafromgeom", "inertiagrouprange", "boundmass",
-        "boundinertia", "settotalmass", "balanceinertia",
+        "angle", "coordinate", "eulerseq", "autolimits", "inertiafromgeom", "inertiagrouprange",
+        "boundmass", "boundinertia", "settotalmass", "balanceinertia",
     ),
     "option": ("gravity",),
 }  # fmt: skip
@@ -138,7 +140,7 @@ def _content(file: Path, label: str) -> bytes:
 def _parsed(content: bytes, label: str) -> ET.Element:
     parser = ET.XMLParser(target=_Tree(label))
     try:
-        parser.feed(content)
+        parser.feed(content.strip(AROUND))  # which other readers of such files take, too
         root: ET.Element = parser.close()
     except (ET.ParseError, ValueError, LookupError) as error:  # of its form, or its encoding
         raise ModelError(
@@ -157,7 +159,7 @@ def worded(error: object) -> str:
     """What another parser says, within a sentence."""
     lines = [" ".join(line.split()).rstrip(".") for line in str(error).strip().splitlines()]
     text = ", ".join(filter(None, lines)).replace(". ", ", ")
-    return text.removeprefix("XML ").removeprefix("Error: ")[:LONGEST_WORDS]
+    return text.removeprefix("XML Error: ").removeprefix("Error: ")[:LONGEST_WORDS]
 
 
 def _named(element: ET.Element) -> str:
@@ -203,6 +205,7 @@ def _clean_urdf(root: ET.Element, text: Text, label: str) -> None:
     left: Counter[str] = Counter()
     _keep(root, URDF, left)
     _note_left(left, text)
+    check_urdf(root, label)
     for joint in root.iter("joint"):
         limit = joint.find("limit")
         if limit is not None:
@@ -214,25 +217,18 @@ def _clean_urdf(root: ET.Element, text: Text, label: str) -> None:
 
 
 def _check_limits(name: str, limit: ET.Element, label: str) -> None:
-    """Refuse a joint whose range ends before it begins; what is no number its reader refuses."""
+    """Refuse a joint whose range ends before it begins."""
     low, high = limit.get("lower", "0"), limit.get("upper", "0")
-    try:
-        backward = float(low) > float(high)
-    except ValueError:
-        return
-    if backward:
+    if float(low) > float(high):
         raise ModelError(
             f"joint {name} of {label} has the limits {shown(low)} to {shown(high)}: expected the "
-            "lower one first."
+            "lower one first, or no limits in the file of a joint that has none."
         )
 
 
 def _positive(value: str | None) -> float:
     """A limit, or 0 where there is none."""
-    try:
-        number = float(value or 0)
-    except ValueError:
-        return 0.0
+    number = float(value or 0)
     return number if 0 < number < float("inf") else 0.0
 
 

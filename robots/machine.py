@@ -83,14 +83,18 @@ class Machine:
             spin = angular_velocity(quaternion(attitude))
             self._cost(joint, dot(spin, spin))
             return body
-        return self._free(part, attitude, load)
+        return self._free(joint, attitude, load)
 
-    def _free(self, part: Part, attitude: str, load: dict[str, Any]) -> Body:
+    def _free(self, joint: Joint, attitude: str, load: dict[str, Any]) -> Body:
         place = [self._coordinate(f"{attitude}_{axis}") for axis in "xyz"]
-        if not self.euler:
-            return self.world.free(place, attitude=attitude, **load)
-        angles = [self._coordinate(f"{attitude}_{angle}") for angle in ("yaw", "pitch", "roll")]
-        return self.world.free(place, angles, attitude=attitude, name=attitude, **load)
+        if self.euler:
+            angles = [self._coordinate(f"{attitude}_{angle}") for angle in ("yaw", "pitch", "roll")]
+            body = self.world.free(place, angles, attitude=attitude, name=attitude, **load)
+        else:
+            body = self.world.free(place, attitude=attitude, **load)
+        speeds = (*(x.diff() for x in place), *body.spin)
+        self._cost(joint, dot(speeds, speeds))
+        return body
 
     def _coordinate(self, name: str) -> Any:
         own = self.names.give(name)

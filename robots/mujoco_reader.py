@@ -29,7 +29,8 @@ def read_description(text: Text, label: str) -> Description:
             loads = _own_loads(spec) if text.kind == "URDF" else {}
             model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise ModelError(f"{label} is not read, {worded(error)}: correct the file.") from None
+            words = worded(error).replace(", line 1", "")  # which is all that the text has
+            raise ModelError(f"{label} is not read, {words}: correct the file.") from None
     return _described(model, spec, loads, text)
 
 
@@ -152,6 +153,10 @@ def _joint(model: Any, j: int, text: Text) -> Joint:
     dof, place = int(model.jnt_dofadr[j]), int(model.jnt_qposadr[j])
     single = kind in ("hinge", "slide")
     effort, driven = _drive(model, j, name, text)
+    follows = _leader(model, j) if single else None
+    text.notes += _unread(
+        model, j, name, not single, follows is not None, driven and text.kind == "MJCF"
+    )
     return Joint(
         name, kind, model.jnt_pos[j].copy(), model.jnt_axis[j].copy(),
         zero=float(model.qpos0[place]) if single else 0.0,
@@ -164,8 +169,25 @@ def _joint(model: Any, j: int, text: Text) -> Joint:
         friction=float(model.dof_frictionloss[dof]),
         stiffness=float(model.jnt_stiffness[j]),
         rest=float(model.qpos_spring[place]) if single else 0.0,
-        follows=_leader(model, j) if single else None,
+        follows=follows,
     )  # fmt: skip
+
+
+def _unread(
+    model: Any, j: int, name: str, turning: bool, following: bool, driven: bool
+) -> Iterator[str]:
+    """What of a joint is not taken: of one that turns in any way, or follows another one, what a
+    coordinate of its own would have."""
+    dof = int(model.jnt_dofadr[j])
+    known = {
+        "its limits": turning and model.jnt_limited[j],
+        "its spring": turning and model.jnt_stiffness[j] != 0,
+        "its dry friction": (turning or following) and model.dof_frictionloss[dof] != 0,
+        "what drives it": (turning or following) and driven,
+        "its spring beyond the linear term": np.any(model.jnt_stiffnesspoly[j] != 0),
+        "its damping beyond the linear term": np.any(model.dof_dampingpoly[dof] != 0),
+    }
+    yield from (f"joint {name}: {what}" for what, is_there in known.items() if is_there)
 
 
 def _pair(values: Any) -> Limits:

@@ -7,7 +7,7 @@ how the file draws it: a joint is an axis and a place, without turns in between.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -86,7 +86,7 @@ def parts_of(description: Description, held: Mapping[str, float], label: str) ->
         _add(part, link, origin, turn, label)
         ends.append((part, origin, turn))
     for part in parts:
-        _check_moments(part.inertia, several(part.frames), label)
+        description.notes.extend(_doubts(part.inertia, several(part.frames), label))
     return parts
 
 
@@ -118,15 +118,19 @@ def several(links: Collection[str]) -> str:
     return " + ".join([*links][:LISTED]) + more
 
 
-def _check_moments(inertia: Array, what: str, label: str) -> None:
-    """Refuse moments of inertia that no body has: negative ones, or one above the sum of the other
-    two."""
+def _doubts(inertia: Array, what: str, label: str) -> Iterator[str]:
+    """Refuse negative moments of inertia, and say of one above the sum of the other two that no
+    body has it: energies are positive with it, and simulators take it."""
     small, middle, large = np.linalg.eigvalsh(inertia)
-    if min(small, small + middle - large) < -ROUNDED * large - SMALL:
+    if small < -ROUNDED * large - SMALL:
         raise ModelError(
-            f"the inertia of {what} in {label} is that of no body, with the principal moments "
-            f"{small:.4g}, {middle:.4g} and {large:.4g} kg m2: expected none above the sum of the "
-            "other two; correct the file."
+            f"the inertia of {what} in {label} has the principal moments {small:.4g}, {middle:.4g} "
+            f"and {large:.4g} kg m2: expected none below 0; correct the file."
+        )
+    if small + middle - large < -ROUNDED * large - SMALL:
+        yield (
+            f"inertia of {what}: no body has the principal moments {small:.4g}, {middle:.4g} and "
+            f"{large:.4g} kg m2, of which the last exceeds the sum of the others; taken as it is"
         )
 
 

@@ -61,7 +61,7 @@ class Robot(Shown):
     mass : float
         In kg, of all links.
     notes : tuple of str
-        What of the file was not taken.
+        What of the file was not taken, and which inertias are those of no body.
     """
 
     def __init__(self, description: Description, held: Mapping[str, float], euler: bool,
@@ -390,7 +390,7 @@ def _gravity(description: Description, gravity: Any, label: str) -> Any:
     x, y, z = description.gravity
     if x != 0 or y != 0 or z > 0:
         raise ModelError(
-            f"gravity of {label} is along {description.gravity.tolist()}: expected -z; turn the "
-            "robot, and give gravity=9.81."
+            f"gravity of {label} is {description.gravity.tolist()}: expected it along -z; turn the "
+            "robot in the file, or pass gravity=9.81, which takes its place."
         )
     return plain([abs(z)])[0]

@@ -28,7 +28,7 @@ def table_of(
         for joint in joints:
             rows.append((*first, *_cells(joint, held, renamed), touching))
             first, touching = ["", ""], ""
-    return Table(tuple(rows), HEAD, tuple(f"not taken: {note}" for note in notes))
+    return Table(tuple(rows), HEAD, tuple(f"note: {note}" for note in notes))
 
 
 def _cells(

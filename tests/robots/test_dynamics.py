@@ -43,7 +43,9 @@ MJCF = """
         </body>
       </body>
     </body>
-    <body name="ball" pos="1 0 0"><freejoint name="ball"/><geom name="ball" size="0.1"/></body>
+    <body name="ball" pos="1 0 0">
+      <joint name="ball" type="free" armature="0.2"/><geom name="ball" size="0.1"/>
+    </body>
   </worldbody>
   <equality><joint joint1="right" joint2="left" polycoef="0.1 -0.5 0 0 0"/></equality>
   <actuator>

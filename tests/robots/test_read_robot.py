@@ -190,7 +190,16 @@ def test_what_hangs_beside_a_robot_is_part_of_its_system(tmp_path: Path) -> None
          r"gives no link a mass: expected <inertial>"),
         (LEG.replace(HEAVY, "").replace(link("stand"), link("stand", HEAVY)), {},
          r"joint hip of .* moves leg without mass: lock it by lock=\{\"hip\": 0.0\}"),
-        (LEG.replace('izz="0.1"', 'izz="0.3"'), {}, "inertia of leg in .* is that of no body"),
+        (LEG.replace('izz="0.1"', 'izz="-0.3"'), {},
+         "inertia of leg in .* has the principal moments -0.3, 0.1 and 0.1 kg m2: expected none"),
+        (LEG.replace('xyz="0 0 0.5"', 'xyz="0, 0 0.5"', 1), {},
+         "<origin xyz='0, 0 0.5'> in link leg of .*: expected three numbers with blanks"),
+        (LEG.replace('upper="2"', 'upper="2.."'), {},
+         "<limit upper='2..'> in joint hip of .*: expected a number"),
+        (LEG.replace("<axis", '<axis xyz="1 0 0"/><axis'), {},
+         "joint hip of .* has 2 elements <axis>: expected one"),
+        ('<mujoco><compiler coordinate="global"/><worldbody><body><joint/><geom size="1"/></body>'
+         "</worldbody></mujoco>", {}, r"is not read, global .* 'compiler': correct the file\."),
         (LEG.replace('<mass value="2"/>', '<mass value="-2"/>'), {}, "the mass -2 kg"),
         (LEG.replace('<mass value="2"/>', '<mass value="nan"/>'), {}, "nan"),
         (LEG.replace('lower="-1"', 'lower="3"'), {},
@@ -228,6 +237,39 @@ def test_what_is_no_robot_is_one_sentence(
     with pytest.raises(ModelError, match=message) as refused:
         read(tmp_path, text, **arguments)
     assert str(refused.value).endswith(".") and "\n" not in str(refused.value)
+
+
+def test_moments_of_no_body_are_taken_and_said(tmp_path: Path) -> None:
+    """Many files have some: energies are positive with them."""
+    leg = read(tmp_path, LEG.replace('izz="0.1"', 'izz="0.3"'))
+    assert leg.notes[-1] == (
+        "inertia of leg: no body has the principal moments 0.1, 0.1 and 0.3 kg m2, of which the "
+        "last exceeds the sum of the others; taken as it is"
+    )
+    assert leg.system(cost=1).mass_matrix == sp.Matrix([[0.6]])
+    assert "note: inertia of leg" in str(leg)
+
+
+def test_what_stands_around_a_description_does_no_harm(tmp_path: Path) -> None:
+    assert read(tmp_path, f'\n <?xml version="1.0"?>\n{LEG}\n\0').name == "leg"
+
+
+def test_what_a_joint_has_beside_is_said(tmp_path: Path) -> None:
+    """A ball joint and a joint that follows have no coordinate that it could count along."""
+    text = (
+        '<mujoco><worldbody><body name="a"><joint name="neck" type="ball" stiffness="2"'
+        ' frictionloss="0.1" limited="true" range="0 30"/><geom size="0.1"/></body>'
+        '<body name="b"><joint name="lead" stiffness="1 0.5"/><geom size="0.1"/></body>'
+        '<body name="c"><joint name="rear" frictionloss="0.2" damping="0 0.5"/><geom size="0.1"/>'
+        '</body></worldbody><equality><joint joint1="rear" joint2="lead"/></equality><actuator>'
+        '<motor joint="rear"/><motor joint="neck" gear="1 0 0"/></actuator></mujoco>'
+    )
+    assert read(tmp_path, text).notes == (
+        "joint neck: its limits", "joint neck: its spring", "joint neck: its dry friction",
+        "joint neck: what drives it", "joint lead: its spring beyond the linear term",
+        "joint rear: its dry friction", "joint rear: what drives it",
+        "joint rear: its damping beyond the linear term",
+    )  # fmt: skip
 
 
 def test_a_path_that_leads_to_no_description_is_one_sentence(tmp_path: Path) -> None:
