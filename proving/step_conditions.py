@@ -81,16 +81,21 @@ class StepConditions:
         """The way of what slides in each step, and its speed between steps that have nodes
         inside."""
         Z, r = self.frame.Z, self.frame.size
-        V, v_0 = self.model.velocity(self.frame)
         end = 2 * r + (self.scheme.degree - 1) * r
         for _, tangent in self.model.ways(self.mode):
-            way, speed = np.zeros((2, 3, self.width))
+            way = np.zeros((3, self.width))
             way[0, :r], way[0, end : end + r] = tangent @ Z, -tangent @ Z
             self._add(0, self.steps - 1, way)
-            if self.scheme.inside:
-                speed[0, r : 2 * r] = -tangent @ V[:, r:]
-                speed[1, :r], speed[1, -1] = -tangent @ V[:, :r], -tangent @ v_0
-                self._add(1, self.steps - 1, speed)
+            self._add_between(-tangent, 0.0)
+
+    def _add_between(self, along: Array, most: float) -> None:
+        """What a velocity is at most, by the momentum between steps that have nodes inside."""
+        if self.scheme.inside:
+            r, row = self.frame.size, np.zeros((3, self.width))
+            V, v_0 = self.model.velocity(self.frame)
+            row[0, r : 2 * r] = along @ V[:, r:]
+            row[1, :r], row[1, -1] = along @ V[:, :r], along @ v_0 - most
+            self._add(1, self.steps - 1, row)
 
     def _add_speeds(self, bounds: Array) -> None:
         """Bounds of the velocities of steps, shape (nq, 2), where the program has them."""
@@ -105,6 +110,8 @@ class StepConditions:
                 row[0, :r], row[0, 2 * r : r + len(slopes)] = slopes[:r], slopes[r:]
                 row[1, -1] = -most
                 self._add(first, last, row)
+            if not self.mode.free:
+                self._add_between(sign * np.eye(len(bounds))[j], most)
 
     def _places(self) -> Iterator[tuple[int, int, float]]:
         """Places in a step where the program bounds velocities: the first step that has it, the
