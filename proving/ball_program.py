@@ -7,47 +7,18 @@ the program in the problem's units, divided by the sizes of its unknowns and row
 from __future__ import annotations
 
 from functools import cached_property
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
-from dmoc.base.errors import ProblemError
-from dmoc.codegen.build import numpy_kernels, sources
-from dmoc.codegen.kernels import NUMPY, Array, Kernels
-from dmoc.codegen.manifest import Manifest
+from dmoc.codegen.kernels import Array
 from dmoc.program.arrays import ElementData, PassData
 from dmoc.program.blocks import Index
 from dmoc.program.transcription import Transcription
 from dmoc.proving.balls import ENLARGED, LEAST, ROUNDED, Ball, BallFunctions
+from dmoc.proving.kernel_text import kernels_over
 
 # Products of up to four numbers stand in the factors of elements and in constants.
 OF_FACTORS = 4 * ROUNDED
-
-
-def ball_kernels(kernels: Kernels) -> ModuleType:
-    """The functions of some kernels, of balls: the text of the NumPy kernels, with other
-    functions."""
-    if kernels.backend == NUMPY:
-        module = numpy_kernels(kernels.manifest, sources(kernels)["numpy.py"]).module
-    else:
-        module = _derived(kernels)
-    assert isinstance(module, ModuleType)
-    module.__dict__["np"] = BallFunctions
-    return module
-
-
-def _derived(kernels: Kernels) -> Any:
-    from dmoc.codegen.text import manifest, numpy_text
-    from dmoc.symbolic.families import model_spec
-
-    if kernels.system is None:
-        raise ProblemError(
-            f"the kernels of {kernels.name!r} do not know their system, which a certificate needs: "
-            "state the problem with the MechanicalSystem."
-        )
-    model = model_spec(kernels.system(), kernels.manifest.order, kernels.design)
-    return numpy_kernels(Manifest.read(manifest(model)), numpy_text(model)).module
 
 
 class BallProgram:
@@ -55,7 +26,7 @@ class BallProgram:
 
     def __init__(self, nlp: Transcription) -> None:
         self.nlp, self.data = nlp, nlp.assembled.data
-        self.kernels = ball_kernels(nlp.kernels)
+        self.kernels = kernels_over(nlp.kernels, BallFunctions)
 
     def values(self, pool: Ball) -> Ball:
         """(f | c | d), shape (1 + m,)."""

@@ -101,7 +101,7 @@ static int centre_at(Engine *e, const double *low, const double *high, double en
     Cache *cache = &e->cache;
     double t[MOST_PHASES];
     for (int round = 0;; round++) {
-        if (centre_number(p, cache->count, c))
+        if (centre_number(p, cache->count, cache->priced, c))
             return 1;
         memcpy(c->m, multipliers, sizeof(double) * MOST_MULTIPLIERS);
         for (int i = 0; i < p->phases; i++) {

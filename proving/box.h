@@ -6,9 +6,18 @@
 #include "models.h"
 #include "steps_cache.h"
 
+/* The time at a place of a motion, over a box: its centre up to rounding, its range, and powers of its
+ * distance from the centre in units of ``reach``, which it is at most. */
+typedef struct {
+    interval centre, range;
+    double reach;
+    model power[DEGREE + 1];
+} Clock;
+
 /* Memory for the dual over a box. */
 typedef struct {
     model costate[MOST_COSTATE], start[MOST_STATE], price, bent, value;
+    Clock clock;
 } Dual;
 
 typedef struct {

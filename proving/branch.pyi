@@ -1,10 +1,14 @@
 """Branch and bound over the durations of a problem that is linear between its events."""
 
 from dmoc.codegen.kernels import Array
-from dmoc.proving.linear import LinearProblem
+from dmoc.proving.linear import LinearProblem, Shifts
 
 MOST_WORKERS: int
 LIMITS: tuple[int, int, int, int, int, int]
+LIMITS_OF_SHIFTS: tuple[int, int]
+OPERATIONS: tuple[str, ...]
+
+def enclosed(shifts: Shifts, low: float, high: float) -> Array: ...
 
 class Branch:
     def __init__(

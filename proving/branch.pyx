@@ -9,7 +9,18 @@ import numpy as np
 
 cdef extern from "tree.h" nogil:
     enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_PRICED, MOST_STEP_ROWS, MOST_THREADS
+    enum: MOST_OPERATIONS, MOST_SHIFTS
     int PROVED, GOING_ON, NO_MEMORY
+    ctypedef struct interval:
+        double lo, hi
+    ctypedef struct line:
+        interval v0, d0, dd0, v, d, dd, ddd
+    ctypedef struct Shifts:
+        int operations, shifts
+        const int *operation
+        const double *constant
+        const int *result
+    void shifts_over(const Shifts *, interval, interval, line *)
     ctypedef struct Phase:
         int r, na, nb, steps, paths
         const double *P
@@ -21,6 +32,8 @@ cdef extern from "tree.h" nogil:
         const double *path
         const double *most
         const double *since
+        const double *moves
+        const double *places
         int rows, conditions
         const double *S
         const double *condition
@@ -28,7 +41,7 @@ cdef extern from "tree.h" nogil:
         int rows, columns
         const double *A
         const double *b
-        const double *b_t
+        const double *shifted
     ctypedef struct Event:
         Rows after, zero, most
     ctypedef struct Problem:
@@ -44,6 +57,7 @@ cdef extern from "tree.h" nogil:
         const double *shortest
         const double *longest
         double earliest, latest
+        Shifts shifts
         int definitions
         double scale
     ctypedef struct Tree:
@@ -66,9 +80,38 @@ cdef extern from "tree.h" nogil:
 
 
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
-# of a state, multipliers, rows of a step.
+# of a state, multipliers, rows of a step; of shifts of surfaces, and of operations that make them.
 MOST_WORKERS = MOST_THREADS
 LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_PRICED
+LIMITS_OF_SHIFTS = MOST_SHIFTS, MOST_OPERATIONS
+# Their names in the order of shifts.h.
+OPERATIONS = (
+    "sum", "product", "negative", "square", "inverse", "root", "sine", "cosine", "exponential",
+    "logarithm", "arctangent", "constant", "time",
+)
+
+
+cdef Shifts shifts_of(shifts, list held) except *:
+    """Shifts, whose numbers stay where they are as long as the list does."""
+    cdef const int[::1] operation = np.append(shifts.operations.ravel(), 0).astype(np.intc)
+    cdef const int[::1] result = np.append(shifts.results, 0).astype(np.intc)
+    cdef const double[::1] constant = np.append(shifts.constants.ravel(), 0.0)
+    held.extend([operation, result, constant])
+    return Shifts(len(shifts.operations), len(shifts.results), &operation[0], &constant[0], &result[0])
+
+
+def enclosed(shifts, double low, double high):
+    """Bounds of the shifts over a range of the time, from the middle: there of the value and the first
+    two derivatives, over the range of these and of the third one, shape (shifts, 7, 2)."""
+    cdef list held = []
+    cdef line values[MOST_SHIFTS]
+    cdef Shifts known = shifts_of(shifts, held)
+    cdef double middle = low + (high - low) / 2
+    cdef double[:, :, ::1] to = np.empty((known.shifts, 7, 2))
+    if known.shifts:
+        shifts_over(&known, interval(middle, middle), interval(low, high), values)
+        memcpy(&to[0, 0, 0], values, known.shifts * sizeof(line))
+    return np.asarray(to)
 
 
 cdef class Branch:
@@ -99,7 +142,8 @@ cdef class Branch:
                 phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
                 self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
-                self._numbers(phase.most), self._numbers(phase.since), len(phase.S),
+                self._numbers(phase.most), self._numbers(phase.since),
+                self._numbers(phase.moves), self._numbers(phase.places), len(phase.S),
                 len(phase.conditions), self._numbers(phase.S), self._numbers(phase.conditions),
             )
         for i, event in enumerate(linear.events):
@@ -111,7 +155,7 @@ cdef class Branch:
             len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
             self._rows(linear.goal_most), self._numbers(linear.soft), self._numbers(linear.start[0]), len(linear.start) - 1,
             self._numbers(linear.start[1:]), self._numbers(linear.tie), self._numbers(linear.durations[:, 0]),
-            self._numbers(linear.durations[:, 1]), earliest, latest,
+            self._numbers(linear.durations[:, 1]), earliest, latest, shifts_of(linear.shifts, self.held),
             linear.definitions, scale,
         )
         self.begun = True
@@ -132,7 +176,7 @@ cdef class Branch:
 
     cdef Rows _rows(self, rows) except *:
         m, n = rows.A.shape
-        return Rows(m, n, self._numbers(rows.A), self._numbers(rows.b), self._numbers(rows.b_t))
+        return Rows(m, n, self._numbers(rows.A), self._numbers(rows.b), self._numbers(rows.shifted))
 
     def run(self, long boxes):
         """Look at so many boxes more; whether some are left that matter."""

@@ -10,7 +10,7 @@
 /* How much a step may raise the dual, beside its value. */
 #define FARTHEST 1e3
 
-int centre_number(const Problem *p, int count, Centre *c)
+int centre_number(const Problem *p, int count, const Priced *priced, Centre *c)
 {
     int n = 0;
     memset(c->may_be_negative, 0, sizeof c->may_be_negative);
@@ -29,6 +29,7 @@ int centre_number(const Problem *p, int count, Centre *c)
         n += p->event[i].most.rows;
     }
     c->first_priced = n;
+    c->priced = priced;
     c->multipliers = n + count;
     for (int j = 0; j < p->definitions; j++)
         c->may_be_negative[n + j] = 1;
@@ -210,6 +211,16 @@ static void add_start_cross(const Problem *p, const Centre *c, const Steps *step
     }
 }
 
+/* Add to it what shifts of an event make of the state after it, as start_rows. */
+static void add_after(const Problem *p, const Centre *c, const Steps *steps, int event,
+                      const double *shift, const double *L, const double *by_duration, double *cross)
+{
+    double row[WIDTH];
+    after_row(p, c, steps, event, shift, L, by_duration, row);
+    for (int j = 0; j < c->multipliers; j++)
+        cross[j] += row[j];
+}
+
 void centre_slopes(const Problem *p, const Steps *const *steps, const Value *const *values, Centre *c)
 {
     const int n = c->multipliers, K = p->phases;
@@ -245,6 +256,9 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                     H[j * n + l] += L[a * WIDTH + j] * WL[a * WIDTH + l];
     }
     add_start_curvature(p, c, H);
+    double shift[MOST_PHASES][MOST_SHIFTS], rate[MOST_PHASES][MOST_SHIFTS], time = 0;
+    for (int i = 0; i < K; i++)
+        shifts_at(p, time += interval_mid(steps[i]->h.v0) * p->phase[i].steps, shift[i], rate[i]);
     for (int j = 0; j < p->goal_zero.rows; j++)
         H[j * n + j] += p->soft[j];
     for (int j = 0; j < n; j++) /* what no input between its bounds answers to stays where it is */
@@ -284,15 +298,25 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
             }
             if (i == 0)
                 add_start_cross(p, c, steps[0], by == 0, own, cross);
+            else if (p->shifts.shifts)
+                add_after(p, c, steps[i], i - 1, shift[i - 1], own,
+                          i == by ? COSTATES(&c->at, i) : 0, cross);
         }
         for (int i = by; i < K; i++) {
+            for (int k = 0; k < steps[i]->priced; k++) {
+                Along along;
+                shift_along(p, c, steps, i, k, &along);
+                cross[c->first_priced + steps[i]->which[k]] += along.rate * (i == by ? along.share : 1);
+            }
             const int last = i == K - 1, first = last ? 0 : c->first_event[i];
             const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
             const Rows *most = last ? &p->goal_most : &p->event[i].most;
             for (int k = 0; k < zero->rows; k++)
-                cross[first + k] += zero->b_t[k];
+                cross[first + k] += shifted(p, zero, k, rate[i]);
             for (int k = 0; k < most->rows; k++)
-                cross[first + zero->rows + k] += most->b_t[k];
+                cross[first + zero->rows + k] += shifted(p, most, k, rate[i]);
+            if (!last && p->shifts.shifts)
+                add_after(p, c, steps[i + 1], i, rate[i], COSTATES(&c->at, i + 1), 0, cross);
         }
         memcpy(A, H, sizeof(double) * n * n);
         solve_free(n, A, cross, is_free, c->slope[by]);

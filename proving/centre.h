@@ -29,6 +29,7 @@ typedef struct {
     int multipliers;            /* goal (zero, most), events (zero, most), priced */
     int first_event[MOST_PHASES];
     int first_priced;
+    const Priced *priced;
     unsigned char may_be_negative[MOST_MULTIPLIERS];
     double m[MOST_MULTIPLIERS];
     double slope[MOST_PHASES][MOST_MULTIPLIERS]; /* by the durations */
@@ -40,7 +41,7 @@ typedef struct {
 } Centre;
 
 /* Number the multipliers where so many conditions are priced; 1 where there are too many. */
-int centre_number(const Problem *p, int count, Centre *centre);
+int centre_number(const Problem *p, int count, const Priced *priced, Centre *centre);
 
 /* What the multipliers make of the costates and inputs at durations t. */
 void point_begin(const Problem *p, const Centre *centre, const double *t, const Steps *const *steps,

@@ -64,19 +64,62 @@ static void add_row(int columns, double share, const double *L, double *row)
         row[j] += share * L[j];
 }
 
+/* What the multipliers make of a state (s,) at the start of a phase, as start_rows. */
+static void state_row(int s, int columns, const double *state, const Steps *steps, const double *L,
+                      const double *by_duration, double *row)
+{
+    const int d = steps->d;
+    memset(row, 0, sizeof(double) * columns);
+    for (int z = 0; z < s; z++)
+        for (int a = 0; a < d && state[z] != 0; a++) {
+            const line at = steps->start[z * d + a];
+            add_row(columns, state[z] * interval_mid(at.v0), L + a * WIDTH, row);
+            if (by_duration)
+                add_row(columns, state[z] * interval_mid(at.d0), by_duration + a * WIDTH, row);
+        }
+}
+
 void start_rows(const Problem *p, const Centre *c, const Steps *steps, const double *L,
                 const double *by_duration, double *row)
 {
-    const int s = 2 * p->phase[0].r, d = steps->d, columns = c->multipliers + 1;
-    for (int k = 0; k < p->spreads; k++, row += WIDTH) {
-        memset(row, 0, sizeof(double) * columns);
-        for (int z = 0; z < s; z++)
-            for (int a = 0; a < d; a++) {
-                const line at = steps->start[z * d + a];
-                const double share = p->spread[k * s + z];
-                add_row(columns, share * interval_mid(at.v0), L + a * WIDTH, row);
-                if (by_duration)
-                    add_row(columns, share * interval_mid(at.d0), by_duration + a * WIDTH, row);
-            }
+    const int s = 2 * p->phase[0].r;
+    for (int k = 0; k < p->spreads; k++, row += WIDTH)
+        state_row(s, c->multipliers + 1, p->spread + k * s, steps, L, by_duration, row);
+}
+
+void after_row(const Problem *p, const Centre *c, const Steps *steps, int event, const double *shift,
+               const double *L, const double *by_duration, double *row)
+{
+    const Rows *after = &p->event[event].after;
+    double state[MOST_STATE];
+    for (int z = 0; z < after->rows; z++)
+        state[z] = shifted(p, after, z, shift);
+    state_row(after->rows, c->multipliers + 1, state, steps, L, by_duration, row);
+}
+
+void shifts_at(const Problem *p, double time, double *shift, double *rate)
+{
+    line values[MOST_SHIFTS];
+    shifts_over(&p->shifts, interval_of(time), interval_of(time), values);
+    for (int j = 0; j < p->shifts.shifts; j++) {
+        shift[j] = interval_mid(values[j].v0);
+        rate[j] = interval_mid(values[j].d0);
     }
+}
+
+double shift_along(const Problem *p, const Centre *c, const Steps *const *steps, int i, int k,
+                   Along *along)
+{
+    const Priced *at = c->priced + steps[i]->which[k];
+    const int shift = shift_of(p->phase + i, at);
+    *along = (Along){0, 0};
+    if (shift < 0)
+        return 0;
+    double values[MOST_SHIFTS], rates[MOST_SHIFTS], time = 0;
+    for (int j = 0; j < i; j++)
+        time += interval_mid(steps[j]->h.v0) * p->phase[j].steps;
+    const double passed = interval_mid(steps_until(p->phase + i, at));
+    shifts_at(p, time + interval_mid(steps[i]->h.v0) * passed, values, rates);
+    *along = (Along){rates[shift], passed / p->phase[i].steps};
+    return values[shift];
 }

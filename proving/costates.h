@@ -22,4 +22,28 @@ void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, i
 void start_rows(const Problem *p, const Centre *c, const Steps *steps, const double *L,
                 const double *by_duration, double *row);
 
+/* What the multipliers make of what shifts, (shifts,), add to the state after an event, a row
+ * (multipliers + 1,): from costates L of the phase after it, as start_rows. */
+void after_row(const Problem *p, const Centre *c, const Steps *steps, int event, const double *shift,
+               const double *L, const double *by_duration, double *row);
+
+/* How a shift changes along a phase: by the time, and which share of the phase has passed. */
+typedef struct {
+    double rate, share;
+} Along;
+
+/* The shift that condition k of a phase has at the centre, 0 where it has none. */
+double shift_along(const Problem *p, const Centre *c, const Steps *const *steps, int phase, int k,
+                   Along *along);
+
+/* Shifts and their slopes at a time, (shifts,), and what they add to a row. */
+void shifts_at(const Problem *p, double time, double *shift, double *rate);
+static inline double shifted(const Problem *p, const Rows *rows, int row, const double *shift)
+{
+    double sum = 0;
+    for (int j = 0; j < p->shifts.shifts; j++)
+        sum += rows->shifted[row * p->shifts.shifts + j] * shift[j];
+    return sum;
+}
+
 #endif

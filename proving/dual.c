@@ -13,22 +13,109 @@ void multiplier_model(const Centre *c, const Frame *f, int j, model *m)
     m->size[0] = fabs(m->c[0]), m->size[1] = upward(sum);
 }
 
-/* The time at the end of a phase. */
-static void time_after(const Frame *f, int phase, const double *t, const interval *box, model *time)
+/* The time at a share of a phase, (share 1: at its end), and its distance from that at the centre, in
+ * units of the largest one, with its powers. */
+static void clock_at(const Frame *f, int phase, interval share, const double *t, const interval *box,
+                     Clock *clock)
 {
-    interval sum = {0, 0};
-    for (int i = 0; i <= phase; i++)
-        sum = plus(sum, f->n ? interval_of(t[i]) : box[i]);
-    model_constant(f, sum, time);
-    for (int i = 0; i <= phase && f->n; i++)
-        time->c[1 + i] = f->most[i];
-    model_settle(f, time);
+    interval centre = {0, 0}, range = {0, 0};
+    double reach = 0;
+    for (int i = 0; i <= phase; i++) {
+        const interval part = i < phase ? interval_of(1) : share;
+        const interval own = f->n ? (interval){-f->most[i], f->most[i]} : interval_sub(box[i], interval_of(t[i]));
+        centre = plus_times(centre, part, interval_of(t[i]));
+        range = plus_times(range, part, own);
+    }
+    clock->centre = centre, clock->range = plus(centre, range);
+    clock->reach = reach = interval_mag(range);
+    for (int d = 1; d <= DEGREE && f->n; d++)
+        model_zero(f, clock->power + d);
+    for (int i = 0; i <= phase && f->n && reach > 0; i++)
+        clock->power[1].c[1 + i] = (i < phase ? 1 : interval_mid(share)) * f->most[i] / reach;
+    for (int d = 1; d <= DEGREE && f->n; d++) {
+        if (d > 1)
+            model_add_mul(f, 1, clock->power + 1, clock->power + d - 1, clock->power + d);
+        model_settle(f, clock->power + d);
+        model_round(1, clock->power + d);
+    }
 }
 
-/* Add what rows A z + b + b_t t, priced from multiplier ``first`` on, make of the costate and of
- * the value. */
-static void add_priced(const Centre *c, const Frame *f, const Rows *rows, int first,
-                       const model *time, Dual *dual)
+/* A function of the time as one of all durations. */
+static void model_of_shift(const Frame *f, const Clock *clock, line shift, model *m)
+{
+    if (!f->n) {
+        model_constant(f, shift.v, m);
+        return;
+    }
+    const curve at = curve_of(shift, clock->reach);
+    model_zero(f, m);
+    m->c[0] = at.c[0], m->size[0] = fabs(at.c[0]);
+    for (int d = 1; d <= DEGREE; d++)
+        model_add_scaled(f, at.c[d], clock->power + d, m);
+    m->rest = upward(m->rest + at.rest);
+    model_settle(f, m);
+}
+
+/* Add what shifts of the rows of an event make of the value, beside multipliers from number ``first``
+ * on or, for the state after it, beside the prices of that. */
+static void add_shifts(const Problem *p, const Centre *c, const Frame *f, const Rows *rows, int first,
+                       const line *shifts, Dual *dual)
+{
+    const int count = p->shifts.shifts;
+    for (int k = 0; k < rows->rows; k++)
+        for (int j = 0; j < count; j++) {
+            const double share = rows->shifted[k * count + j];
+            if (share == 0)
+                continue;
+            if (first >= 0)
+                multiplier_model(c, f, first + k, &dual->price);
+            model_of_shift(f, &dual->clock, shifts[j], &dual->bent);
+            model_add_mul(f, share, first < 0 ? dual->start + k : &dual->price, &dual->bent, &dual->value);
+        }
+}
+
+/* Add what shifts at the event after a phase make of the value. */
+static void add_moved(const Problem *p, const Centre *c, const Frame *f, int phase, const double *t,
+                      const interval *box, Dual *dual)
+{
+    const int last = phase == p->phases - 1;
+    const Rows *zero = last ? &p->goal_zero : &p->event[phase].zero;
+    const Rows *most = last ? &p->goal_most : &p->event[phase].most;
+    const int first = last ? 0 : c->first_event[phase];
+    line shifts[MOST_SHIFTS];
+    if (!p->shifts.shifts)
+        return;
+    clock_at(f, phase, interval_of(1), t, box, &dual->clock);
+    shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
+    add_shifts(p, c, f, zero, first, shifts, dual);
+    add_shifts(p, c, f, most, first + zero->rows, shifts, dual);
+    if (!last)
+        add_shifts(p, c, f, &p->event[phase].after, -1, shifts, dual);
+}
+
+/* Add what shifts of the conditions along a phase make of the value. */
+static void add_along(const Engine *e, const Frame *f, int phase, const Steps *steps, const double *t,
+                      const interval *box, Dual *dual)
+{
+    const Problem *p = e->problem;
+    const Phase *ph = p->phase + phase;
+    line shifts[MOST_SHIFTS];
+    for (int k = 0; k < steps->priced; k++) {
+        const Priced *at = e->cache.priced + steps->which[k];
+        const int shift = shift_of(ph, at);
+        if (shift < 0)
+            continue;
+        const interval share = interval_div(steps_until(ph, at), interval_of(ph->steps));
+        clock_at(f, phase, share, t, box, &dual->clock);
+        shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
+        multiplier_model(&e->centre, f, e->centre.first_priced + steps->which[k], &dual->price);
+        model_of_shift(f, &dual->clock, shifts[shift], &dual->bent);
+        model_add_mul(f, 1, &dual->price, &dual->bent, &dual->value);
+    }
+}
+
+/* Add what rows A z + b, priced from multiplier ``first`` on, make of the costate and of the value. */
+static void add_priced(const Centre *c, const Frame *f, const Rows *rows, int first, Dual *dual)
 {
     model *m = &dual->price;
     for (int k = 0; k < rows->rows; k++) {
@@ -36,8 +123,6 @@ static void add_priced(const Centre *c, const Frame *f, const Rows *rows, int fi
         for (int z = 0; z < rows->columns; z++)
             model_add_scaled(f, rows->A[k * rows->columns + z], m, dual->costate + z);
         model_add_scaled(f, rows->b[k], m, &dual->value);
-        if (rows->b_t[k] != 0)
-            model_add_mul(f, rows->b_t[k], m, time, &dual->value);
     }
 }
 
@@ -111,7 +196,6 @@ void dual_model(Engine *e, const Frame *f, const Steps *const *all, const double
     const int phases = p->phases;
     Dual *dual = &e->dual;
     Choice *choices = c->choices;
-    model time;
     for (int i = 0; i < phases; i++)
         choices += p->phase[i].steps * p->phase[i].nb;
     model_zero(f, &dual->value);
@@ -129,9 +213,10 @@ void dual_model(Engine *e, const Frame *f, const Steps *const *all, const double
                 for (int k = 0; k < p->event[i].after.rows; k++)
                     model_add_scaled(f, p->event[i].after.A[k * s + z], dual->start + k,
                                      dual->costate + z);
-        time_after(f, i, t, box, &time);
-        add_priced(c, f, zero, first, &time, dual);
-        add_priced(c, f, most, first + zero->rows, &time, dual);
+        add_moved(p, c, f, i, t, box, dual);
+        add_along(e, f, i, steps, t, box, dual);
+        add_priced(c, f, zero, first, dual);
+        add_priced(c, f, most, first + zero->rows, dual);
         for (int z = 0; z < s; z++)
             model_settle(f, dual->costate + z);
         for (int k = 0; k < steps->priced; k++)

@@ -94,7 +94,7 @@ int ends_maximise(Engine *e, const double *low, const double *high, const double
     memset(c->m, 0, sizeof c->m);
     memset(c->slope, 0, sizeof c->slope);
     for (int round = 0;; round++) {
-        if (centre_number(p, cache->count, c) || begin(e, low, high, t, steps, &c->at))
+        if (centre_number(p, cache->count, cache->priced, c) || begin(e, low, high, t, steps, &c->at))
             return 1;
         for (int k = 0; k < 2; k++)
             if (begin(e, end[k], end[k], end[k], at_end[k], e->ends + k))

@@ -19,13 +19,16 @@ import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.program.blocks import Index
 
 
 @record(frozen=True, eq=False)
 class LinearPhase:
     """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
     bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds inside the steps from number
-    ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,).  ``S``, shape (m, 3, 2 r
+    ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,); to a path that ``moves``,
+    (rows,), the shift of that number is added, if it is not negative, at the time of the node;
+    ``places`` are those of the nodes inside a step.  ``S``, shape (m, 3, 2 r
     + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 5), one of them with
     one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
     the last; where a fifth number is 1, it vanishes.  The last ``squares`` of the inputs stand for
@@ -41,6 +44,8 @@ class LinearPhase:
     paths: Array
     most: Array
     since: Array
+    moves: Array
+    places: Array
     S: Array
     conditions: Array
     squares: int = 0
@@ -53,19 +58,29 @@ class LinearPhase:
 
 
 @record(frozen=True, eq=False)
+class Shifts:
+    """Functions of the time, two for each surface that moves: its place and its speed.  They are
+    ``operations``, which of them and on which earlier ones, shape (n, 3), with bounds of those that
+    are constants, shape (n, 2); ``results`` are the numbers of those that are shifts."""
+
+    operations: Index
+    constants: Array
+    results: Index
+
+
+@record(frozen=True, eq=False)
 class Rows:
-    """Functions A z + b + b_t t + b_tt t^2/2 of the state z before an event at the time t, shapes
-    (m, 2 r), (m,), (m,), (m,); where a last part is not zero a clock takes the time's place."""
+    """Functions A z + b + shifted s(t) of the state z before an event at the time t, where s are
+    shifts of surfaces, shapes (m, 2 r), (m,) and (m, shifts)."""
 
     A: Array
     b: Array
-    b_t: Array
-    b_tt: Array
+    shifted: Array
 
     @classmethod
-    def stacked(cls, rows: list[Rows], size: int) -> Rows:
-        none = cls(np.zeros((0, size)), np.zeros(0), np.zeros(0), np.zeros(0))
-        parts = zip(*((r.A, r.b, r.b_t, r.b_tt) for r in (none, *rows)), strict=True)
+    def stacked(cls, rows: list[Rows], size: int, shifts: int) -> Rows:
+        none = cls(np.zeros((0, size)), np.zeros(0), np.zeros((0, shifts)))
+        parts = zip(*((r.A, r.b, r.shifted) for r in (none, *rows)), strict=True)
         return cls(*map(np.concatenate, parts))
 
 
@@ -97,6 +112,7 @@ class LinearProblem:
     soft: Array
     durations: Array
     final_time: tuple[float, float]
+    shifts: Shifts
     sizes: Array  # typical of the coordinates
     inertia: Array  # the diagonal of M
     left_out: tuple[str, ...]
@@ -113,10 +129,5 @@ class LinearProblem:
 
 def through(rows: Rows, after: Rows) -> Rows:
     """Functions of the state after an event as those of the state before it."""
-    b, b_t, b_tt = (
-        rows.A @ of_after + own
-        for of_after, own in zip(
-            (after.b, after.b_t, after.b_tt), (rows.b, rows.b_t, rows.b_tt), strict=True
-        )
-    )
-    return Rows(rows.A @ after.A, b, b_t, b_tt)
+    A, b, shifted = (rows.A @ part for part in (after.A, after.b, after.shifted))
+    return Rows(A, b + rows.b, shifted + rows.shifted)

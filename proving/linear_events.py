@@ -23,9 +23,9 @@ DECIDED = 1e-12
 
 @record(frozen=True, eq=False)
 class Impact:
-    """What an event does to velocities, v after it is jump v + offset (1, t), and the impulses by_v
-    v + by (1, t) of the surfaces and tangents that take any, in the directions ``pushes``; shapes
-    of ``offset`` and ``by`` (nq, 2) and (impulses, 2)."""
+    """What an event does at shifts s of surfaces: velocities v are jump v + offset s after it, the
+    impulses of the surfaces and tangents that take any are by_v v + by s, in the directions
+    ``pushes``; shapes of ``offset`` and ``by`` (nq, shifts) and (impulses, shifts)."""
 
     jump: Array
     offset: Array
@@ -45,11 +45,10 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     for j in (event.hit, *event.lands):
         if j != NOWHERE:
             gap = model.gap(j)
-            zero.append(model.rows(before, gap.A[:, :n], none, gap.b, *gap.A[:, n:].T))
+            zero.append(model.rows(before, gap.A, none, gap.b, model.shift(j)[:1]))
     if event.impact:
-        gap = model.gap(event.surface)
-        # it comes nearer
-        most.append(model.rows(before, none, -gap.A[:, :n], *-gap.A[:, n:].T))
+        gap, speed = model.gap(event.surface), model.shift(event.surface)[1:]
+        most.append(model.rows(before, none, -gap.A, 0 * gap.b, -speed))  # it comes nearer
     impact = impact_of(model, i)
     zero += [*_stops(model, i, before, impact)]
     most += [*_directions(model, i, before, impact), *_impulses(model, before, impact)]
@@ -60,14 +59,14 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
     position = np.hstack([before.Z, np.zeros((n, r))])
     momentum = model.M @ impact.jump @ V + G @ position
-    shift = model.M @ (impact.jump @ v_0 + impact.offset[:, 0]) + G @ before.origin + p_0
+    rest = model.M @ impact.jump @ v_0 + G @ before.origin + p_0
     state = Rows(
-        after.state(position, momentum), after.state(before.origin - after.origin, shift),
-        after.state(np.zeros(n), model.M @ impact.offset[:, 1]), np.zeros(2 * after.size),
+        after.state(position, momentum), after.state(before.origin - after.origin, rest),
+        after.state(0 * impact.offset, model.M @ impact.offset),
     )  # fmt: skip
     zero = [row for row in zero if not _is_decided(row)]
     most = [row for row in most if np.abs(row.A).max() > DECIDED]
-    return LinearEvent(state, *(Rows.stacked(rows, 2 * r) for rows in (zero, most)))
+    return LinearEvent(state, *(model.stacked(rows, 2 * r) for rows in (zero, most)))
 
 
 def impact_of(model: LinearModel, i: int) -> Impact:
@@ -75,9 +74,10 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     sticks, and turn the rate of what is hit by Newton's law."""
     p, n = model.problem, model.problem.nq
     event, before, after = p.touch.events[i], *p.touch.modes[i : i + 2]
+    count = model.shift(event.hit).shape[1]
     if not event.impact:
         none = np.zeros((0, n))
-        return Impact(np.eye(n), np.zeros((n, 2)), none, np.zeros((0, 2)), none, (), ())
+        return Impact(np.eye(n), np.zeros((n, count)), none, np.zeros((0, count)), none, (), ())
     stays = after.among(
         [j for j in after.closed if j in (*before.closed, *event.lands)],
         lambda k: p.touch.contacts.supports[k] != RAIL,
@@ -85,14 +85,13 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     hits = () if event.hit == NOWHERE else (event.hit,)
     surfaces = (*hits, *stays.closed)
     gaps = [model.gap(j).A[0] for j in surfaces]
-    own = [gap[:n] for gap in gaps[: len(hits)]]
-    E = np.array([gap[:n] for gap in gaps] + [model.tangent(k) for k in stays.sticking])
-    D = np.array([*own, *model.pushes(stays)])
+    E = np.array([*gaps, *(model.tangent(k) for k in stays.sticking)])
+    D = np.array([*gaps[: len(hits)], *model.pushes(stays)])
     # E v+ = share v- + rates and v+ = v- + change impulses; what follows from others shares them
-    share, rates = 0 * E, np.zeros((len(E), 2))
+    share, rates = 0 * E, np.zeros((len(E), count))
     for j in hits:
         e = _restitution(p, j)
-        share[0], rates[0] = -e * E[0], -(1 + e) * gaps[0][n:]
+        share[0], rates[0] = -e * E[0], -(1 + e) * model.shift(j)[1]
     change = np.linalg.solve(model.M, D.T)
     inverse = np.linalg.pinv(E @ change)
     by_v, by = inverse @ (share - E), inverse @ rates
@@ -105,7 +104,7 @@ def _stops(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterato
     for k in touch.modes[i + 1].sticking:
         if k not in impact.tangents:
             row = model.tangent(k)[None]
-            yield model.rows(before, 0 * row, row @ impact.jump, *(row @ impact.offset).T)
+            yield model.rows(before, 0 * row, row @ impact.jump, np.zeros(1), row @ impact.offset)
 
 
 def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -116,7 +115,7 @@ def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> It
             continue
         row = -way[None]
         yield model.rows(before, 0 * row, -row if touch.turns[i, k] else row, np.zeros(1))
-        yield model.rows(before, 0 * row, row @ impact.jump, *(row @ impact.offset).T)
+        yield model.rows(before, 0 * row, row @ impact.jump, np.zeros(1), row @ impact.offset)
 
 
 def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -127,8 +126,7 @@ def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]
         yield rate(model, before, j, sign, sign * most)
         after = row @ impact.jump
         if (after != row).any() or impact.offset[j].any():
-            shift, by_time = (row @ impact.offset).T
-            yield model.rows(before, 0 * row, after, shift - most, by_time)
+            yield model.rows(before, 0 * row, after, np.array([-most]), row @ impact.offset)
 
 
 def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -137,7 +135,8 @@ def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Row
     if len(impact.pushes) > 1 and told(impact.pushes):
         none = np.zeros((1, model.problem.nq))
         for row in model.cones(impact.surfaces, impact.tangents):
-            yield model.rows(before, none, row[None] @ impact.by_v, *(row[None] @ impact.by).T)
+            row = row[None]
+            yield model.rows(before, none, row @ impact.by_v, np.zeros(1), row @ impact.by)
 
 
 def _restitution(problem: Problem, j: int) -> float:
@@ -180,5 +179,4 @@ def add_range(
 
 def _is_decided(row: Rows) -> bool:
     """Whether a mode says already that a value vanishes."""
-    moves = row.b_t[0] != 0 or row.b_tt[0] != 0
-    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or moves)
+    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or row.shifted.any())

@@ -15,18 +15,17 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, mode_in_words
 from dmoc.mechanics.contacts import RAIL
 from dmoc.problem.problem import Problem
-from dmoc.proving.linear import Rows
+from dmoc.proving.linear import Rows, Shifts
 from dmoc.proving.recognition import Affine, affine
+from dmoc.proving.surface_shifts import Term, check_bounded, shifts_of, terms_of
 
 # Contacts are wedged where the mass matrix of what they leave free has this condition.
 WEDGED = 1e9
 # What is asked of surfaces.
 SURFACES = (
-    "proofs need surfaces that are flat, and that stand or move with a constant acceleration; "
-    "solve and search have no such limit."
+    "proofs need surfaces that are flat, and that stand or move without turning; solve and search "
+    "have no such limit."
 )
-# Shares of a gap that are rounding errors.
-NOTHING = 1e-12
 
 
 @record(frozen=True, eq=False)
@@ -91,26 +90,64 @@ class LinearModel:
         return self.momentum.A[:, self.problem.nq :]
 
     def gap(self, j: int) -> Affine:
-        """The gap to a surface as function of (q, t, t^2/2)."""
+        """The gap to a surface as function of q; of one that moves, without its shift."""
+        if j not in self._gaps:
+            self._gaps[j] = self._gap(j)
+        return self._gaps[j]
+
+    @cached_property
+    def _gaps(self) -> dict[int, Affine]:
+        return {}
+
+    def _gap(self, j: int) -> Affine:
         p, n = self.problem, self.problem.nq
-        names = [*p.kernels.coordinates, "the time"]
-        width = np.append(self.sizes, self.h * sum(p.phase_steps))
+        name = p.kernels.surfaces[j]
+        if j not in p.model.moving:
 
-        def values(x: Array) -> Array:
-            return p.model.gaps(x[:, :n], x[:, n])[:, [j]]
+            def values(q: Array) -> Array:
+                return p.model.gaps(q)[:, [j]]
 
-        times = np.zeros((3, n + 1))
-        times[:, n] = np.array([-1, 0, 1]) * width[n]
-        before, now, then = values(times)[:, 0]
-        noise = NOTHING * (abs(before) + abs(now) + abs(then))
-        bent = before + then - 2 * now
-        bent = bent / width[n] ** 2 if abs(bent) > noise else 0.0
+            return affine(values, p.kernels.coordinates, f"gap to {name}", self.sizes, SURFACES)
+        latest = p.final_time_bounds[1]
+        check_bounded(shifts_of(self._terms[j]), name, latest)
 
         def rest(x: Array) -> Array:
-            return values(x) - bent * x[:, [n]] ** 2 / 2
+            """What is left without the shift at times until the latest one."""
+            q, time = x[:, :n], latest * (1 + x[:, n]) / 2
+            return (p.model.gaps(q, time) - p.model.gaps(0 * q, time))[:, [j]]
 
-        even = affine(rest, names, f"gap to {p.kernels.surfaces[j]}", width, SURFACES)
-        return Affine(np.append(even.A, [[bent]], axis=1), even.b)
+        names, width = [*p.kernels.coordinates, "the time"], np.append(self.sizes, 1.0)
+        even = affine(rest, names, f"gap to {name}", width, SURFACES)
+        return Affine(even.A[:, :n], np.zeros(1))
+
+    @cached_property
+    def _terms(self) -> list[tuple[Term, Term]]:
+        """The shift of each surface, and its slope."""
+        return terms_of(self.problem)
+
+    @cached_property
+    def moving(self) -> list[int]:
+        """The numbers of the flat surfaces that move."""
+        return [j for j in self.flat if j in self.problem.model.moving]
+
+    @cached_property
+    def shifts(self) -> Shifts:
+        """The places and speeds of these."""
+        shifts = shifts_of([term for j in self.moving for term in self._terms[j]])
+        assert shifts is not None  # each has been tried
+        check_bounded(shifts, "all surfaces", self.problem.final_time_bounds[1])
+        return shifts
+
+    def shifted_by(self, j: int) -> int:
+        """The number of the shift that is the place of a surface; -1 of one that stands."""
+        return 2 * self.moving.index(j) if j in self.moving else -1
+
+    def shift(self, j: int) -> Array:
+        """The place and the speed of a surface as functions of the shifts, shape (2, shifts)."""
+        rows, at = np.zeros((2, 2 * len(self.moving))), self.shifted_by(j)
+        if at >= 0:
+            rows[0, at] = rows[1, at + 1] = 1.0
+        return rows
 
     @cached_property
     def flat(self) -> dict[int, Affine]:
@@ -131,7 +168,7 @@ class LinearModel:
         if mode.free:
             return Frame(np.zeros(n), np.eye(n), np.eye(n), 0, np.zeros((0, n)))
         gaps = [self._standing(j) for j in mode.closed]
-        places = np.array([gap.A[0, :n] for gap in gaps]).reshape(-1, n)
+        places = np.array([gap.A[0] for gap in gaps]).reshape(-1, n)
         stuck = np.array([self.tangent(k) for k in mode.sticking]).reshape(-1, n)
         pushes = np.array(self.pushes(mode)).reshape(-1, n)
         origin = np.linalg.lstsq(places, -np.array([gap.b[0] for gap in gaps]), rcond=None)[0]
@@ -154,7 +191,7 @@ class LinearModel:
         what slides, against and along a tangent that sticks; those of rails are left out where
         they do not count."""
         p = self.problem
-        pushes = {j: self.gap(j).A[0, : p.nq] for j in mode.closed}
+        pushes = {j: self.gap(j).A[0] for j in mode.closed}
         supports = p.touch.contacts.supports
         for k, way in self.ways(mode):
             if supports[k] != RAIL:
@@ -188,7 +225,7 @@ class LinearModel:
     def _standing(self, j: int) -> Affine:
         """The gap to a surface that is touched for a while."""
         gap = self.gap(j)
-        if gap.A[0, self.problem.nq :].any():
+        if j in self.problem.model.moving:
             raise ProblemError(
                 f"{self.problem.kernels.surfaces[j]} moves while it is touched: proofs cover "
                 "contacts that last with surfaces that stand."
@@ -233,12 +270,15 @@ class LinearModel:
         return V, -inverse @ frame.left @ (G @ frame.origin + p_0)
 
     def rows(
-        self, frame: Frame, a: Array, v: Array, b: Array,
-        b_t: Array | float = 0.0, b_tt: Array | float = 0.0,
-    ) -> Rows:  # fmt: skip
-        """Functions a q + v v + b + b_t t + b_tt t^2/2 of the state in a mode."""
+        self, frame: Frame, a: Array, v: Array, b: Array, shifted: Array | float = 0.0
+    ) -> Rows:
+        """Functions a q + v v + b + shifted s(t) of the state in a mode."""
         V, v_0 = self.velocity(frame)
         A = v @ V
         A[:, : frame.size] += a @ frame.Z
-        by_time = (np.broadcast_to(part, b.shape).astype(float) for part in (b_t, b_tt))
-        return Rows(A, a @ frame.origin + v @ v_0 + b, *by_time)
+        moved = np.broadcast_to(shifted, (len(b), 2 * len(self.moving))).astype(float)
+        return Rows(A, a @ frame.origin + v @ v_0 + b, moved)
+
+    def stacked(self, rows: list[Rows], size: int) -> Rows:
+        """Rows below each other, of states of a size."""
+        return Rows.stacked(rows, size, 2 * len(self.moving))

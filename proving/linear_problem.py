@@ -12,7 +12,6 @@ from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import shortest_durations
 from dmoc.program.liftoffs import liftoffs_of
-from dmoc.proving.clock import with_clock
 from dmoc.proving.coverage import check_covered
 from dmoc.proving.linear import LinearProblem, Rows, through
 from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of, rate
@@ -40,20 +39,20 @@ def linear_problem(problem: Problem) -> LinearProblem:
     start = _start(model, frames[0])
     zero, most, *ties = _ends(model, frames[0], frames[-1], start[0])
     hard = len(zero.b)
-    zero = Rows.stacked([zero, _squares(model, frames[-1])], 2 * frames[-1].size)
+    zero = model.stacked([zero, _squares(model, frames[-1])], 2 * frames[-1].size)
     soft = (np.arange(len(zero.b)) >= hard).astype(float)
     if problem.ends_with_event:
         last = events.pop()
         size = last.after.A.shape[1]
-        zero = Rows.stacked([through(zero, last.after), last.zero], size)
-        most = Rows.stacked([through(most, last.after), last.most], size)
-    linear = LinearProblem(
+        zero = model.stacked([through(zero, last.after), last.zero], size)
+        most = model.stacked([through(most, last.after), last.most], size)
+    return LinearProblem(
         tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
         zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
-        problem.final_time_bounds, model.sizes, np.diag(model.M), _left_out(model, frames),
+        problem.final_time_bounds, model.shifts, model.sizes, np.diag(model.M),
+        _left_out(model, frames),
     )  # fmt: skip
-    return with_clock(linear, problem.scheme)
 
 
 def _durations(problem: Problem) -> Array:
@@ -69,9 +68,8 @@ def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
     untold = not all(told(frame.pushes) for frame in frames)
     rates = {*map(velocity_name, p.kernels.coordinates)}
-    moving = [p.kernels.surfaces[j] for j, gap in model.flat.items() if gap.A[0, p.nq :].any()]
     return (
-        *(f"the gap to {name} along phases" for name in (*others, *moving)),
+        *(f"the gap to {name} along phases" for name in others),
         *(f"bounds of {name}" for name in p.limits if name not in rates),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
         *(("forces that the motion does not tell",) if untold else ()),
@@ -136,10 +134,10 @@ def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], li
         parts = [(f, _state(model, first, name)) for name, f in relation.terms]
         tie = sum(-f * row.A for f, row in parts)
         rest = end.b - sum(f * row.b for f, row in parts)
-        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, np.zeros(1), np.zeros(1))
+        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, 0 * end.shifted)
 
         def row(sign: float, value: float, rows: Rows = rows) -> Rows:
-            return Rows(sign * rows.A, sign * (rows.b - value), rows.b_t, rows.b_tt)
+            return Rows(sign * rows.A, sign * (rows.b - value), rows.shifted)
 
         add_range(zero, most, relation.low, relation.high, row)
     return zero, most
@@ -169,11 +167,11 @@ def _ends(
     each of both adds for other starts, shapes (rows, 2 r)."""
     ends, ties, size = list[Rows](), list[Array](), 2 * last.size
     for goal, tied in zip(_goal(model, last), _ties(model, first, last), strict=True):
-        own = Rows.stacked(goal, size)
-        both = Rows.stacked(tied, size + 2 * first.size)
+        own = model.stacked(goal, size)
+        both = model.stacked(tied, size + 2 * first.size)
         tie = both.A[:, size:]
-        end = Rows(both.A[:, :size], both.b + tie @ start, both.b_t, both.b_tt)
-        ends.append(Rows.stacked([own, end], size))
+        end = Rows(both.A[:, :size], both.b + tie @ start, both.shifted)
+        ends.append(model.stacked([own, end], size))
         ties.append(np.vstack([np.zeros((len(own.b), 2 * first.size)), tie]))
     return ends[0], ends[1], ties[0], ties[1]
 

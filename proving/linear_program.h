@@ -10,6 +10,7 @@
 
 #include <stddef.h>
 
+#include "shifts.h"
 #include "taylor.h"
 
 /* Inputs of a step, conditions along the phases that are priced at one time, rows of a step,
@@ -38,6 +39,8 @@ typedef struct {
     const double *lower, *upper; /* of the inputs, (nb,) */
     const double *path, *most;  /* (paths, r), (paths,): path y <= most */
     const double *since;        /* (paths,): the step from which on it holds, inside and at its end */
+    const double *moves;        /* (paths,): the shift that is added to path y, or -1 */
+    const double *places;       /* (inside,): of nodes inside a step, from 0 to 1 */
     int rows, conditions;
     const double *S;            /* (rows, 3, 2 r + na + nb + 1): rows (S_0 + h S_1 + h^2 S_2) of
                                    (y, h p, a, u, 1) in a step */
@@ -46,10 +49,11 @@ typedef struct {
                                    where it vanishes, 0 */
 } Phase;
 
-/* rows functions A z + b + b_t t of a state z at the time t */
+/* rows functions A z + b + shifted s(t) of a state z at the time t, whose shifts are s */
 typedef struct {
     int rows, columns;
-    const double *A, *b, *b_t;
+    const double *A, *b;
+    const double *shifted;      /* (rows, shifts) */
 } Rows;
 
 typedef struct {
@@ -69,6 +73,7 @@ typedef struct {
                                    zero or most, beside what the middle does */
     const double *shortest, *longest;     /* durations, (phases,) */
     double earliest, latest;    /* final time */
+    Shifts shifts;
     int definitions;            /* conditions that vanish, in all steps: they are priced first */
     double scale;               /* of the cost: for the multipliers of inputs that cost nothing */
 } Problem;
@@ -79,6 +84,17 @@ enum { AT_NODE = -1, IN_STEP = -2 };
 typedef struct {
     int phase, node, inside, path;
 } Priced;
+
+/* The shift that a condition along a phase has, or -1; where it stands, in steps from its start. */
+static inline int shift_of(const Phase *phase, const Priced *at)
+{
+    return at->inside == IN_STEP ? -1 : (int)phase->moves[at->path];
+}
+static inline interval steps_until(const Phase *phase, const Priced *at)
+{
+    const interval node = interval_of(at->node);
+    return at->inside < 0 ? node : interval_add(node, interval_of(phase->places[at->inside]));
+}
 
 /* What one input of one step does at the multipliers of the centre. */
 enum { FREE, AT_LOWER, AT_UPPER, PUSHED, CHORD };

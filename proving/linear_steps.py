@@ -20,7 +20,7 @@ from dmoc.proving.state_costs import (
     state_cost,
     with_squares,
 )
-from dmoc.proving.step_conditions import StepConditions
+from dmoc.proving.step_conditions import StepConditions, sides
 
 # Powers of h are read at steps of these sizes, relative to a typical one, and tried at another.
 SIZES, TRIED = np.array([0.5, 1.0, 2.0]), 0.7
@@ -48,13 +48,13 @@ class LinearSteps:
                 f"the input {name} has neither a cost nor bounds: give it one of both, or nothing "
                 "keeps it finite."
             )
-        paths, most, since = self._paths(i, frame)
+        paths, most, since, moves = self._paths(i, frame)
         along = self._along(i, frame)
         asked = StepConditions(self.model, i, frame, along)
         low, high = bounds.T
         phase = LinearPhase(
             p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
-            since, asked.S, asked.conditions,
+            since, moves, p.scheme.nodes[2:], asked.S, asked.conditions,
         )  # fmt: skip
         squares = squares_of(self.state_cost, frame, p.scheme)
         return with_squares(phase, squares, self._heavy)
@@ -217,28 +217,25 @@ class LinearSteps:
         ]
         return np.asarray(gauss(p.scheme.degree)[1] @ np.array(states))
 
-    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array]:
-        """What holds in the steps of a phase and at their ends, and from which step on: bounds of
-        coordinates, flat surfaces but for the first step after they were touched."""
-        p, n = self.model.problem, self.model.problem.nq
-        rows, most, since = list[Array](), list[float](), list[float]()
+    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array, Array]:
+        """What holds in the steps of a phase and at their ends, from which step on, and the shifts
+        of what moves: bounds of coordinates, flat surfaces but for the first step after they were
+        touched."""
+        p, model = self.model.problem, self.model
+        rows, rest = list[Array](), list[tuple[float, float, float]]()
         modes = p.touch.modes
-        for j, (low, high) in enumerate(p.coordinate_bounds):
-            for sign, bound in ((1.0, high), (-1.0, -low)):
-                if np.isfinite(bound):
-                    rows.append(sign * np.eye(n)[j])
-                    most.append(bound)
-                    since.append(0.0)
-        for j, gap in self.model.flat.items():
-            there = p.kernels.surfaces[j] not in p.ignored and j not in modes[i].closed
-            if there and not gap.A[0, n:].any():
-                rows.append(gap.A[0, :n])
-                most.append(-gap.b[0])
-                since.append(float(i > 0 and j in modes[i - 1].closed))
-        A, b = np.array(rows).reshape(-1, n), np.array(most)
+        for j, sign, bound in sides(p.coordinate_bounds):
+            rows.append(sign * np.eye(p.nq)[j])
+            rest.append((bound, 0.0, -1.0))
+        for j, gap in model.flat.items():
+            if p.kernels.surfaces[j] not in p.ignored and j not in modes[i].closed:
+                rows.append(gap.A[0])
+                left = i > 0 and j in modes[i - 1].closed
+                rest.append((-gap.b[0], float(left), model.shifted_by(j)))
+        A, (b, since, moves) = np.array(rows).reshape(-1, p.nq), np.array(rest).reshape(-1, 3).T
         A, b = A @ frame.Z, b - A @ frame.origin
         kept = np.abs(A).max(axis=1, initial=0.0) > 0
-        return A[kept], b[kept], np.array(since)[kept]
+        return A[kept], b[kept], since[kept], moves[kept]
 
 
 def _check_convex(R: Array) -> None:

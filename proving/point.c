@@ -9,7 +9,8 @@
 static void constants_of(const Problem *p, const Centre *c, Point *at)
 {
     const Steps *const *steps = at->steps;
-    double time = 0, *constant = at->constant;
+    double time = 0, *constant = at->constant, shift[MOST_SHIFTS], slope[MOST_SHIFTS], row[WIDTH];
+    Along along;
     memset(constant, 0, sizeof(double) * WIDTH);
     for (int i = 0; i < p->phases; i++) {
         time += at->t[i];
@@ -17,14 +18,22 @@ static void constants_of(const Problem *p, const Centre *c, Point *at)
         for (int k = 0; k < steps[i]->d; k++)
             for (int j = 0; j <= c->multipliers; j++)
                 constant[j] += interval_mid(steps[i]->without.linear[k].v0) * L[k * WIDTH + j];
+        for (int k = 0; k < steps[i]->priced; k++)
+            constant[c->first_priced + steps[i]->which[k]] += shift_along(p, c, steps, i, k, &along);
+        shifts_at(p, time, shift, slope);
         const int last = i == p->phases - 1;
         const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
         const Rows *most = last ? &p->goal_most : &p->event[i].most;
         const int first = last ? 0 : c->first_event[i];
         for (int k = 0; k < zero->rows; k++)
-            constant[first + k] += zero->b[k] + zero->b_t[k] * time;
+            constant[first + k] += zero->b[k] + shifted(p, zero, k, shift);
         for (int k = 0; k < most->rows; k++)
-            constant[first + zero->rows + k] += most->b[k] + most->b_t[k] * time;
+            constant[first + zero->rows + k] += most->b[k] + shifted(p, most, k, shift);
+        if (!last && p->shifts.shifts) {
+            after_row(p, c, steps[i + 1], i, shift, COSTATES(at, i + 1), 0, row);
+            for (int j = 0; j <= c->multipliers; j++)
+                constant[j] += row[j];
+        }
     }
 }
 

@@ -14,7 +14,7 @@ from dmoc.base.files import write_whole
 from dmoc.proving.branch import Branch
 from dmoc.proving.linear import LinearProblem, Rows
 
-FORMAT = 3
+FORMAT = 4
 
 
 def digest(linear: LinearProblem, limit: float, gap: float) -> str:
@@ -27,6 +27,8 @@ def digest(linear: LinearProblem, limit: float, gap: float) -> str:
     for of in (*rows, linear.goal_zero, linear.goal_most):
         for part in vars(of).values() if isinstance(of, Rows) else ():
             numbers.update(np.asarray(part).tobytes())
+    for part in vars(linear.shifts).values():
+        numbers.update(np.asarray(part, dtype=float).tobytes())
     ends = linear.soft, linear.start, linear.tie, linear.durations, linear.final_time, (limit, gap)
     for part in ends:
         numbers.update(np.asarray(part, dtype=float).tobytes())

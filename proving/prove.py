@@ -82,8 +82,8 @@ def prove(
     ----------
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
-        and inputs; surfaces of its sequence are flat, and stand or move with a constant
-        acceleration; its cost is convex and quadratic in the inputs, and in positions and
+        and inputs; surfaces of its sequence are flat, and stand or are moved by any function of the
+        time without turning; its cost is convex and quadratic in the inputs, and in positions and
         velocities apart from them.  Its final time has an upper bound, and ranges of its start have
         both ends.
     gap : float

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "centre.h"
+#include "costates.h"
 
 /* Rows (rows, 2 r + nb + 1) of a state (y, h p), inputs and 1, at the centre. */
 static void linear(int rows, const Phase *p, const line *map, const double *state, const double *u,
@@ -27,12 +28,14 @@ static int is_priced(Priced at, int count, const Priced *priced)
     return 0;
 }
 
-/* See which of the conditions of a phase, at a place of a step, places y violate most. */
-static void compare(const Phase *p, Priced at, int step, const double *y, int count,
+/* See which of the conditions of a phase, at a place of a step, places y violate most, where shifts
+ * are what they are at that time. */
+static void compare(const Phase *p, Priced at, int step, const double *y, const double *shift, int count,
                     const Priced *priced, double *most, Priced *worst)
 {
     for (at.path = 0; at.path < p->paths; at.path++) {
-        double excess = -p->most[at.path], size = fabs(excess);
+        const int moved = shift_of(p, &at);
+        double excess = (moved < 0 ? 0 : shift[moved]) - p->most[at.path], size = fabs(excess);
         if (step < p->since[at.path])
             continue;
         for (int z = 0; z < p->r; z++) {
@@ -75,7 +78,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
 {
     const double *u = c->at.inputs;
     double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
-    double rows[MOST_STEP_ROWS];
+    double rows[MOST_STEP_ROWS], shift[MOST_SHIFTS], rate[MOST_SHIFTS], time = 0;
     int paths = 0;
     for (int i = 0; i < p->phases; i++)
         paths += p->phase[i].paths + p->phase[i].conditions;
@@ -99,13 +102,16 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
             state[z] *= h;
         const int inside = r ? ph->na / r - 1 : 0; /* a contact may leave nothing to move */
         for (int k = 0; k <= ph->steps; k++) {
-            if (k)
-                compare(ph, (Priced){i, k, AT_NODE, 0}, k - 1, state, count, priced, &most, worst);
+            if (k) {
+                shifts_at(p, time + h * k, shift, rate);
+                compare(ph, (Priced){i, k, AT_NODE, 0}, k - 1, state, shift, count, priced, &most, worst);
+            }
             if (k == ph->steps)
                 break;
             for (int j = 0; j < inside; j++) {
                 linear(r, ph, steps[i]->inner + j * r * m, state, u, inner);
-                compare(ph, (Priced){i, k, j, 0}, k, inner, count, priced, &most, worst);
+                shifts_at(p, time + h * (k + ph->places[j]), shift, rate);
+                compare(ph, (Priced){i, k, j, 0}, k, inner, shift, count, priced, &most, worst);
             }
             compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, &most, worst);
             linear(s, ph, steps[i]->map, state, u, next);
@@ -117,8 +123,9 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
         if (i == p->phases - 1)
             break;
         const Rows *after = &p->event[i].after;
+        shifts_at(p, time += h * ph->steps, shift, rate);
         for (int z = 0; z < after->rows; z++) {
-            next[z] = after->b[z];
+            next[z] = after->b[z] + shifted(p, after, z, shift);
             for (int j = 0; j < s; j++)
                 next[z] += after->A[z * s + j] * state[j];
         }

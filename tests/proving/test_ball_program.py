@@ -15,8 +15,9 @@ from dmoc.codegen.kernels import Kernels
 from dmoc.inspection.reference_values import ReferenceValues
 from dmoc.program.scaling import scale_of
 from dmoc.program.transcription import Transcription
-from dmoc.proving.ball_program import BallProgram, Sum, ball_kernels
-from dmoc.proving.balls import Ball
+from dmoc.proving.ball_program import BallProgram, Sum
+from dmoc.proving.balls import Ball, BallFunctions
+from dmoc.proving.kernel_text import kernels_over
 from dmoc.symbolic.continuous import readable
 
 
@@ -24,7 +25,7 @@ def test_kernels_contain_their_functions(pendulum: Kernels) -> None:
     """A step and an impact of the cart-pendulum, beside differences of its functions in 90
     digits."""
     assert pendulum.system is not None
-    functions, rng = ball_kernels(pendulum), np.random.default_rng(4)
+    functions, rng = kernels_over(pendulum, BallFunctions), np.random.default_rng(4)
     parameters = np.array([float(v or 0) for v in pendulum.parameters.values()])
     with mp.workdps(90):
         reference = ReferenceValues(readable(pendulum.system()), pendulum, parameters)
@@ -80,4 +81,4 @@ def test_sums_count_their_rounding_errors() -> None:
 
 def test_kernels_that_do_not_know_their_system_are_refused(pendulum: Kernels) -> None:
     with pytest.raises(ProblemError, match="do not know their system"):
-        ball_kernels(replace(pendulum, system=None))
+        kernels_over(replace(pendulum, system=None), BallFunctions)

@@ -1,0 +1,245 @@
+"""How surfaces move: what is left of their gaps, and of the rates of these, where all coordinates
+and velocities are zero, as operations on the time.
+
+They are read from the text of the kernels, which runs on terms instead of numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from dmoc.base.errors import ProblemError
+from dmoc.problem.problem import Problem
+from dmoc.proving.balls import OF_CONSTANTS
+from dmoc.proving.branch import LIMITS_OF_SHIFTS, OPERATIONS, enclosed
+from dmoc.proving.kernel_text import kernels_over
+from dmoc.proving.linear import Shifts
+
+# Parts of the time in which the operations of a shift must have bounds.
+PARTS = 256
+# What an operation is called that is none on intervals.
+UNKNOWN = "unknown"
+
+Operand: TypeAlias = "Term | float"
+
+
+class Term:
+    """The result of an operation on the time: its code and arguments, or bounds of a constant."""
+
+    __slots__ = ("arguments", "bounds", "code")
+
+    def __init__(
+        self, code: str, *arguments: Term, bounds: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self.code, self.arguments, self.bounds = code, arguments, bounds
+
+    @classmethod
+    def of(cls, value: Operand) -> Term:
+        """A term as it is, or a constant of the text, which may have been rounded."""
+        if isinstance(value, Term):
+            return value
+        off = 0.0 if value == np.float32(value) else abs(value) * OF_CONSTANTS
+        return constant(value - off, value + off)
+
+    @property
+    def is_zero(self) -> bool:
+        return self.code == "constant" and self.bounds == (0.0, 0.0)
+
+    def __neg__(self) -> Term:
+        return self if self.is_zero else Term("negative", self)
+
+    def __add__(self, other: Operand) -> Term:
+        other = Term.of(other)
+        if self.is_zero or other.is_zero:
+            return other if self.is_zero else self
+        return Term("sum", self, other)
+
+    def __sub__(self, other: Operand) -> Term:
+        return self + -Term.of(other)
+
+    def __rsub__(self, other: float) -> Term:
+        return -self + other
+
+    def __mul__(self, other: Operand) -> Term:
+        other = Term.of(other)
+        if self.is_zero or other.is_zero:
+            return constant(0.0, 0.0)
+        return Term("square", self) if self is other else Term("product", self, other)
+
+    def __truediv__(self, other: Operand) -> Term:
+        return self * Term("inverse", Term.of(other))
+
+    def __rtruediv__(self, other: float) -> Term:
+        return Term.of(other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def _kink(self, _: Any) -> Term:
+        return Term(UNKNOWN)
+
+    __lt__ = __le__ = __gt__ = __ge__ = __and__ = __or__ = _kink
+
+
+def constant(low: float, high: float) -> Term:
+    return Term("constant", bounds=(float(low), float(high)))
+
+
+class TermFunctions:
+    """The functions that generated NumPy kernels call, of terms."""
+
+    def __getattr__(self, name: str) -> Callable[..., Term]:
+        return lambda *arguments: Term(UNKNOWN)
+
+    @staticmethod
+    def sqrt(x: Operand) -> Term:
+        return Term("root", Term.of(x))
+
+    @staticmethod
+    def sin(x: Operand) -> Term:
+        return Term("sine", Term.of(x))
+
+    @staticmethod
+    def cos(x: Operand) -> Term:
+        return Term("cosine", Term.of(x))
+
+    @staticmethod
+    def exp(x: Operand) -> Term:
+        return Term("exponential", Term.of(x))
+
+    @staticmethod
+    def log(x: Operand) -> Term:
+        return Term("logarithm", Term.of(x))
+
+    @staticmethod
+    def arctan(x: Operand) -> Term:
+        return Term("arctangent", Term.of(x))
+
+    @classmethod
+    def tan(cls, x: Operand) -> Term:
+        return cls.sin(x) / cls.cos(x)
+
+    @classmethod
+    def arcsin(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return cls.arctan(x / cls.sqrt((1.0 - x) * (1.0 + x)))
+
+    @classmethod
+    def arccos(cls, x: Operand) -> Term:
+        return np.pi / 2 - cls.arcsin(x)
+
+    @classmethod
+    def sinh(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return (cls.exp(x) - cls.exp(-x)) * 0.5
+
+    @classmethod
+    def cosh(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return (cls.exp(x) + cls.exp(-x)) * 0.5
+
+    @classmethod
+    def tanh(cls, x: Operand) -> Term:
+        return 1.0 - 2.0 / (cls.exp(Term.of(x) * 2.0) + 1.0)
+
+    @classmethod
+    def arcsinh(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return cls.log(x + cls.sqrt(x * x + 1.0))
+
+    @classmethod
+    def arccosh(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return cls.log(x + cls.sqrt((x - 1.0) * (x + 1.0)))
+
+    @classmethod
+    def arctanh(cls, x: Operand) -> Term:
+        x = Term.of(x)
+        return cls.log((1.0 + x) / (1.0 - x)) * 0.5
+
+    @classmethod
+    def power(cls, base: Operand, exponent: Operand) -> Term:
+        if isinstance(exponent, Term) or exponent != int(exponent):
+            return cls.exp(cls.log(Term.of(base)) * exponent)
+        power, n = Term.of(1.0), int(abs(exponent))
+        for digit in f"{n:b}":
+            power = power * power
+            if digit == "1":
+                power = power * base
+        return power if exponent > 0 else 1.0 / power
+
+
+class Numbers(list[Term]):
+    """An argument or a result of a kernel, which is read as one of NumPy is, x[..., i]."""
+
+    def __getitem__(self, at: Any) -> Any:
+        return super().__getitem__(at[1])
+
+    def __setitem__(self, at: Any, value: Operand) -> None:  # type: ignore[override]
+        super().__setitem__(at[1], Term.of(value))
+
+
+def terms_of(problem: Problem) -> list[tuple[Term, Term]]:
+    """What the gap to each surface, and the rate of that, are where nothing else moves."""
+    n, c, model = problem.nq, problem.model.nc, problem.model
+    text = kernels_over(problem.kernels, TermFunctions(), ("surface", "gap_rate"))
+    places, rates = (Numbers([constant(0.0, 0.0)] * c) for _ in range(2))
+    still = Numbers([constant(0.0, 0.0)] * n)
+    time, par = Numbers([Term("time")]), Numbers([constant(x, x) for x in model.par[0].tolist()])
+    text.surface(still, time, par, places)
+    text.gap_rate(still, still, time, par, rates)
+    return list(zip(list.__iter__(places), list.__iter__(rates), strict=True))
+
+
+def shifts_of(terms: Sequence[Term]) -> Shifts | None:
+    """Some terms as operations; None where one of them is none on intervals."""
+    numbers, rows, bounds = dict[int, int](), list[tuple[int, int, int]](), list[Any]()
+    alike = dict[tuple[Any, ...], int]()
+
+    left = list(terms)
+    while left:
+        term = left[-1]
+        new = [a for a in term.arguments if id(a) not in numbers]
+        if new:
+            left += new
+            continue
+        left.pop()
+        if term.code not in OPERATIONS:
+            return None
+        first, second = (*(numbers[id(a)] for a in term.arguments), 0, 0)[:2]
+        row = OPERATIONS.index(term.code), first, second
+        if (row, term.bounds) not in alike:
+            alike[row, term.bounds] = len(rows)
+            rows.append(row)
+            bounds.append(term.bounds)
+        numbers[id(term)] = alike[row, term.bounds]
+    results = np.array([numbers[id(term)] for term in terms], dtype=int)
+    operations = np.array(rows, dtype=int).reshape(-1, 3)
+    return Shifts(operations, np.array(bounds, dtype=float).reshape(-1, 2), results)
+
+
+def check_bounded(shifts: Shifts | None, name: str, latest: float) -> None:
+    """Refuse a surface whose shifts are no operations on intervals, or have no bounds."""
+    if shifts is None:
+        raise ProblemError(
+            f"the gap to {name} changes with the time by a function that proofs have no bounds of, "
+            "such as Abs, Piecewise or atan2: they cover sums, products, quotients, powers, "
+            "exponential, trigonometric and hyperbolic functions and their inverses."
+        )
+    most, operations = LIMITS_OF_SHIFTS
+    if len(shifts.operations) > operations or len(shifts.results) > most:
+        raise ProblemError(
+            f"the motion of {name} takes {len(shifts.operations)} operations: proofs take at most "
+            f"{operations} of all surfaces that move, and {most // 2} such surfaces."
+        )
+    times = np.linspace(0, latest, PARTS + 1).tolist()
+    for low, high in pairwise(times):
+        if not np.isfinite(enclosed(shifts, low, high)).all():
+            raise ProblemError(
+                f"the motion of {name} has no bounds from {low:.4g} to {high:.4g} s: proofs need "
+                "surfaces whose place has three derivatives by the time until the latest final "
+                "time."
+            )
