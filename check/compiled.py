@@ -28,8 +28,9 @@ MOST_COORDINATES, MOST_SURFACES, MOST_INPUTS, MOST_LIMITS = 30, 50, 60, 60
 # Of each state that is looked at it keeps some values of each function, some ten states a step and
 # function: at most so many steps times squares of the number of functions.
 MOST_SQUARES = 300_000
-# What was measured of a motion: errors, those of the segments, contacts of the open-loop run.
-Measured: TypeAlias = tuple[tuple[float, ...], Array, list[tuple[int, float, float]]]
+# What was measured of a motion: errors, those of the segments, the amplification, contacts of the
+# open-loop run.
+Measured: TypeAlias = tuple[tuple[float, ...], Array, float, list[tuple[int, float, float]]]
 # Errors in the order in which they are measured, by the names of PASSING.
 ERRORS = (
     "step error",
@@ -42,7 +43,10 @@ ERRORS = (
     "segment error",
     "penetration",
     "excess of a limit",
+    "error of the end",
 )
+# Those with which a motion passes.
+MOST = np.array([{**PASSING, "error of the end": TERMINAL}[name] for name in ERRORS])
 
 
 def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Verification | None:
@@ -67,24 +71,16 @@ def passing(trajectory: Trajectory, kernels: Kernels, deadline: Deadline) -> Ver
     return None if found is None else verification_of(found, kernels)
 
 
-def passes(found: Measured) -> bool:
-    """Whether what was measured of a motion lets it pass."""
-    (*errors, terminal, penetration, excess, _), segments, _ = found
-    named = zip(ERRORS, (*errors, float(segments.max()), penetration, excess), strict=True)
-    return terminal <= TERMINAL and all(error <= PASSING[name] for name, error in named)
-
-
 def verification_of(found: Measured, kernels: Kernels) -> Verification | None:
     """What was measured of a motion, if it passes."""
-    if not passes(found):
+    errors, segments, amplification, contacts = found
+    if not (np.array(errors) <= MOST).all():
         return None
-    (*errors, terminal, penetration, excess, amplification), segments, contacts = found
-    measured = dict(zip(ERRORS, errors, strict=False))
-    surfaces = kernels.surfaces
+    measured, surfaces = dict(zip(ERRORS, errors, strict=True)), kernels.surfaces
     return Verification(
         True,
         "",
-        terminal,
+        measured["error of the end"],
         amplification,
         measured["step error"],
         segments,
@@ -92,8 +88,8 @@ def verification_of(found: Measured, kernels: Kernels) -> Verification | None:
         measured["error of the law of impact"],
         (),
         (),
-        penetration,
-        excess,
+        measured["penetration"],
+        measured["excess of a limit"],
         tuple(SurfaceContact(surfaces[j], time, jump) for j, time, jump in contacts),
         path_excess=measured["excess of a path constraint"],
         phase_error=measured["phase error"],
@@ -140,13 +136,13 @@ def _is_hit(c: Collision) -> bool:
 
 
 def arrays_of(trajectory: Trajectory, kernels: Kernels, restitution: Array) -> tuple[Any, ...]:
-    """The arrays of a motion that a compiled check takes: q, v and p (n, nq) at the nodes of all
-    phases, their times (n,), the first nodes of the phases and n; inputs at both ends of the steps
-    (N, nu), positions inside (N places, nq); of each event the surface, its time and impulse
-    (events, 2), the position and the momenta before and after it (events, 3, nq); bounds of
-    coordinates and inputs, coefficients of restitution, the surfaces that are watched, bounds of
-    velocities (bounds, 3) as the coordinate, the sign and the value, and whether inputs are
-    constant in a step."""
+    """The arrays of R motions of one form that a compiled check takes, here of one: q, v and p (R,
+    n, nq) at the nodes of all phases, their times (R, n), the first nodes of the phases and n;
+    inputs at both ends of the steps (R, N, nu), positions inside (R, N places, nq); of each event
+    the surface, its time and impulse (R, events, 2), the position and the momenta before and after
+    it (R, events, 3, nq); bounds of coordinates and inputs (R, ..., 2), coefficients of
+    restitution, the surfaces that are watched, bounds of velocities (bounds, 3) as the coordinate,
+    the sign and the value, and whether inputs are constant in a step."""
     phases, events, nq = trajectory.phases, trajectory.collisions, len(trajectory.coordinates)
     q, v, p, t = (np.concatenate([getattr(phase, name) for phase in phases]) for name in "qvpt")
     begins = np.cumsum([0, *(len(phase.t) for phase in phases)])
@@ -160,14 +156,12 @@ def arrays_of(trajectory: Trajectory, kernels: Kernels, restitution: Array) -> t
     states = [(c.position, c.momentum_before, c.momentum_after) for c in events]
     recorded = np.array(states, dtype=float).reshape(-1, 3, nq)
     watched = np.array([name not in trajectory.ignored for name in surfaces], dtype=np.uint8)
-    boxes = (np.array(box, dtype=float).reshape(-1, 2) for box in _boxes(trajectory))
+    stated = trajectory.coordinate_bounds, trajectory.input_bounds
+    boxes, input_boxes = (np.array(box, dtype=float).reshape(-1, 2) for box in stated)
     bounds = [(b.place, b.sign, b.value) for b in bounds_of(trajectory, kernels)]
     rates, constant = np.array(bounds, dtype=float).reshape(-1, 3), not trajectory.input_form.width
     return (
-        q, v, p, t, begins, u0, u1, inside, hit, numbers, recorded, *boxes, restitution, watched,
-        rates, constant,
+        q[None], v[None], p[None], t[None], begins, u0[None], u1[None], inside[None], hit,
+        numbers[None], recorded[None], boxes[None], input_boxes[None], restitution, watched, rates,
+        constant,
     )  # fmt: skip
-
-
-def _boxes(trajectory: Trajectory) -> tuple[Array, Array]:
-    return trajectory.coordinate_bounds, trajectory.input_bounds

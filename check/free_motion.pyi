@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dmoc.base.discretisation import Discretisation
 from dmoc.codegen.kernels import Array, Kernels
 
@@ -20,4 +23,13 @@ class FreeMotion:
         motion: tuple[Any, ...],
         claim: float,
         check_time: Callable[[], None],
-    ) -> tuple[tuple[float, ...], Array, list[tuple[int, float, float]]] | None: ...
+    ) -> tuple[tuple[float, ...], Array, float, list[tuple[int, float, float]]] | None: ...
+    def judge(
+        self,
+        par: Array,
+        motions: tuple[Any, ...],
+        claims: Array,
+        most: Array,
+        verdicts: NDArray[np.uint8],
+        check_time: Callable[[], None],
+    ) -> None: ...

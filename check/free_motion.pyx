@@ -45,6 +45,9 @@ cdef extern from "sums.h" nogil:
         const ptrdiff_t *which, const double *factor
     )
 
+cdef enum:
+    ERRORS = 11  # that are measured of a motion
+
 include "rows.pxi"
 include "conditions.pxi"
 include "dynamics.pxi"
@@ -60,7 +63,8 @@ include "free_run.pxi"
 
 
 cdef class FreeMotion(FreeRun):
-    """Checks motions of one model on one mesh, one after the other; for one thread.
+    """Checks motions of one model on one mesh, one after the other with nothing of Python between
+    two of them; for one thread.
 
     Parameters
     ----------
@@ -77,30 +81,65 @@ cdef class FreeMotion(FreeRun):
         Returns
         -------
         None, or tuple
-            None where it is out of order.  Otherwise the errors of steps, energy, the law of impact
-            and that relative to its own rates, of the cost, of phases, the excess of path
-            constraints, the error of the end, penetration, the excess of limits and the
-            amplification; errors of the segments, shape (n,); and the contacts of the open-loop run
-            as (surface, time, jump).
+            None where it is out of order.  Otherwise its errors, in the order of
+            :data:`dmoc.check.compiled.ERRORS`; errors of the segments, shape (n,); the
+            amplification; and the contacts of the open-loop run as (surface, time, jump).
         """
-        cdef bint passes
-        self.check_time = check_time
-        *states, rates, constant = motion
-        self.load(par, states)
-        self.limit(rates, constant)
+        cdef bint is_measured
+        cdef double errors[ERRORS]
+        self._read(par, motion, check_time)
         with nogil:
-            passes = self.passes(claim)
-        if not passes:
+            is_measured = self.measure(0, claim, errors)
+        if not is_measured:
             return None
         contacts = [(c.surface, c.time, c.jump) for c in self.contacts[: self.contact_count]]
-        errors = (
-            self.step_error, self.energy_error, self.law_error, self.own_error, self.cost_error,
-            self.phase_error, self.path_excess, self.terminal, self.penetration, self.limit_excess,
-            self.amplification,
-        )
-        return errors, np.array(self.segment_errors[: self.S]), contacts
+        segments = np.array(self.segment_errors[: self.S])
+        return tuple(errors[i] for i in range(ERRORS)), segments, self.amplification, contacts
 
-    cdef bint passes(self, double claim) except -1 nogil:
+    def judge(
+        self, par, motions, const double[::1] claims, const double[::1] most,
+        unsigned char[::1] verdicts, check_time
+    ):
+        """Tell of R motions, rows of ``par`` and of :func:`dmoc.check.compiled.arrays_of`, that say
+        they cost ``claims``, whether none of their errors exceeds ``most``.
+
+        ``verdicts``, shape (R,), becomes 1 of those that pass and 0 of those that need another
+        look; where ``check_time`` raises it keeps what it had of those that had no turn.
+        """
+        cdef ptrdiff_t row, i
+        cdef bint passes
+        cdef double errors[ERRORS]
+        self._read(par, motions, check_time)
+        if not (self.count == claims.shape[0] == verdicts.shape[0] and most.shape[0] == ERRORS):
+            raise ValueError(f"expected {self.count} motions and {ERRORS} errors")
+        with nogil:
+            for row in range(self.count):
+                passes = self.measure(row, claims[row], errors)
+                for i in range(ERRORS):
+                    passes = passes and errors[i] <= most[i]
+                verdicts[row] = passes
+
+    def _read(self, par, motions, check_time):
+        """Take motions, and what is called now and then."""
+        self.check_time = check_time
+        *states, rates, constant = motions
+        self.load(par, states)
+        self.limit(rates, constant)
+
+    cdef bint measure(self, ptrdiff_t row, double claim, double *errors) except -1 nogil:
+        """Measure the errors of a row; False where it is out of order."""
+        self.look_at(row)
+        if not self.is_measured(claim):
+            return False
+        errors[0], errors[1] = self.step_error, self.energy_error
+        errors[2], errors[3] = self.law_error, self.own_error
+        errors[4], errors[5] = self.cost_error, self.phase_error
+        errors[6], errors[7] = self.path_excess, self.segment_error
+        errors[8], errors[9] = self.penetration, self.limit_excess
+        errors[10] = self.terminal
+        return True
+
+    cdef bint is_measured(self, double claim) except -1 nogil:
         """Whether all could be measured."""
         self.look_at_nodes()
         if not (self.measure_sizes() and self.holds_together()):

@@ -19,6 +19,12 @@ cdef class FreeNodes(Surfaces):
     cdef double[:, :, ::1] recorded
     cdef double[::1] T, h, e, begins_at
     cdef unsigned char[::1] watched
+    # Those of all rows, of which one is looked at.
+    cdef ptrdiff_t count
+    cdef double[:, ::1] all_par, all_T
+    cdef double[:, :, ::1] all_q, all_v, all_p, all_begin, all_end, all_inside
+    cdef double[:, :, ::1] all_boxes, all_input_boxes, all_numbers
+    cdef double[:, :, :, ::1] all_recorded
     # At the nodes: masses, forces of the position, momenta, energies, gaps, stored slopes.
     cdef double[::1] M, F, moment_of, E, gaps, stored, inertia, root
     # Sizes, and gaps that no step exceeds without a contact at the places of a step.
@@ -50,16 +56,19 @@ cdef class FreeNodes(Surfaces):
         self.upper, self.size_y = _space(self.nc * PLACES.shape[0]), _space(2 * nq)
         self.push = _space(nq * (self.nu + 2) + self.nu)
 
-    def load(self, par, motion):
-        """Take the parameters, shape (1, npar), and the arrays of a motion (free_motion.py)."""
-        cdef ptrdiff_t i, k, at = 0
-        self.par, self.entered = np.append(par[0], 0.0), NONE
+    def load(self, par, motions):
+        """Take rows of parameters, shape (R, npar), and the arrays of R motions
+        (free_motion.py)."""
+        self.entered = NONE
         self._enter(None)
+        self.all_par = np.hstack([par, np.zeros((len(par), 1))])  # there is at least one number
         (
-            self.q, self.v, self.p, self.T, self.begins, self.u_begin, self.u_end, self.q_inside, self.hit,
-            self.numbers, self.recorded, self.box, self.input_box, self.e, self.watched,
-        ) = motion
-        self.n, self.P, self.N = self.T.shape[0], self.begins.shape[0] - 1, self.u_begin.shape[0]
+            self.all_q, self.all_v, self.all_p, self.all_T, self.begins, self.all_begin,
+            self.all_end, self.all_inside, self.hit, self.all_numbers, self.all_recorded,
+            self.all_boxes, self.all_input_boxes, self.e, self.watched,
+        ) = motions
+        self.count, self.n = self.all_T.shape[0], self.all_T.shape[1]
+        self.P, self.N = self.begins.shape[0] - 1, self.all_begin.shape[1]
         if self.laid != bytes(self.begins):
             nq, n, self.laid = self.nq, self.n, bytes(self.begins)
             self.M, self.F, self.moment_of = (_space(n * size) for size in (nq * nq, nq, nq))
@@ -70,6 +79,16 @@ cdef class FreeNodes(Surfaces):
             self._steps()
             self._segments()
             self._run()
+
+    cdef void look_at(self, ptrdiff_t row) noexcept nogil:
+        """Make a row the motion that is looked at."""
+        cdef ptrdiff_t i, k, at = 0
+        self.par, self.T = self.all_par[row], self.all_T[row]
+        self.q, self.v, self.p = self.all_q[row], self.all_v[row], self.all_p[row]
+        self.u_begin, self.u_end = self.all_begin[row], self.all_end[row]
+        self.q_inside, self.numbers = self.all_inside[row], self.all_numbers[row]
+        self.recorded = self.all_recorded[row]
+        self.box, self.input_box = self.all_boxes[row], self.all_input_boxes[row]
         for i in range(self.P):
             for k in range(self.begins[i], self.begins[i + 1] - 1):
                 self.phase_of[at], self.begins_at[at] = i, self.T[k]

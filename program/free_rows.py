@@ -106,13 +106,14 @@ class FreeRows:
         """Rows in which no momentum is larger than its size, shape (R, nq)."""
         return np.asarray((np.abs(self.p).max(axis=1) <= sizes).all(axis=1))
 
-    def states(self, row: int, surfaces: Index) -> tuple[Any, ...]:
-        """Arrays of one motion as :func:`dmoc.check.compiled.arrays_of` has them, up to what was
-        recorded of its events."""
+    def states(self, which: Index, surfaces: Index) -> tuple[Any, ...]:
+        """Arrays of some rows as :func:`dmoc.check.compiled.arrays_of` has them, up to what was
+        recorded of their events."""
         at = self.begins[1:-1]
-        numbers = np.stack([self.t[row, at], self.impulse[row]], axis=1)
-        recorded = np.stack([self.q[row, at - 1], self.p[row, at - 1], self.p[row, at]], axis=1)
-        return (
-            self.q[row], self.v[row], self.p[row], self.t[row], self.begins, self.u_begin[row],
-            self.u_end[row], self.inside[row], surfaces, numbers, recorded,
-        )  # fmt: skip
+        states, inputs = (self.q, self.v, self.p, self.t), (self.u_begin, self.u_end, self.inside)
+        q, v, p, t = (a.take(which, axis=0) for a in states)
+        numbers = np.stack([t[:, at], self.impulse[which]], axis=2)
+        recorded = np.stack([q[:, at - 1], p[:, at - 1], p[:, at]], axis=2)
+        begin, end, inside = (a.take(which, axis=0) for a in inputs)
+        of_events = map(np.ascontiguousarray, (numbers, recorded))
+        return q, v, p, t, self.begins, begin, end, inside, surfaces, *of_events

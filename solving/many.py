@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,7 +33,7 @@ from dmoc.solving.workforce import NoMoreWork, Work, workforce
 
 # Problems travel to a worker together, at most so many, if they take it no longer than this by what
 # those before them took: slow ones one by one, so that none waits long for the last.
-TOGETHER, SHARE_SECONDS = 64, 0.2
+TOGETHER, SHARE_SECONDS = 256, 0.5
 MOST_PROBLEMS = 1_000_000
 # Arguments of a solve that are the same for all problems.
 OPTIONS = sorted(options_of(Keywords).keys() - {"method", "seconds", "reference"})
@@ -250,11 +250,13 @@ def _answers(
 def solve_share(share: Share) -> list[Row]:
     """Solve the problems of a share one after the other, in any process; neighbours of one form
     together."""
-    rows = list[Row]()
+    rows, together = list[Row](), dict[int, Row]()
     try:
-        together = _together(share)
+        for row in _together(share):
+            together[row.number] = row
     except KeyboardInterrupt:
-        return [_interrupted(share.problems[0][0])]
+        left = [number for number, _ in share.problems if number not in together]
+        return [*together.values(), _interrupted(left[0] if left else share.problems[-1][0])]
     for number, problem in share.problems:
         if number not in together and share.deadline.passed:
             continue
@@ -264,15 +266,13 @@ def solve_share(share: Share) -> list[Row]:
     return rows
 
 
-def _together(share: Share) -> dict[int, Row]:
-    """The rows of neighbours, by number, where no solution is kept."""
+def _together(share: Share) -> Iterator[Row]:
+    """The rows of neighbours, where no solution is kept."""
     if share.keep:
-        return {}
+        return
     stated = [(i, p) for i, p in share.problems if isinstance(p, Problem)]
-    try:
-        return solved_rows(stated, share.keywords, share.guess, share.deadline)
-    except DmocError:  # that of a single problem is its row
-        return {}
+    with suppress(DmocError):  # that of a single problem is its row
+        yield from solved_rows(stated, share.keywords, share.guess, share.deadline)
 
 
 def _interrupted(number: int) -> Row:

@@ -19,11 +19,12 @@ from dmoc.base.deadline import Deadline
 from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.records import record
 from dmoc.check.checked_motion import OutOfTimeError, out_of_time
-from dmoc.check.compiled import FreeMotion, has_room, is_free, passes
+from dmoc.check.compiled import MOST, FreeMotion, has_room, is_free
 from dmoc.check.limit_functions import bounds_among
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Index
 from dmoc.program.extraction import collected_multipliers
 from dmoc.program.free_rows import FreeRows
 from dmoc.program.rows import RowNumbers, row_numbers
@@ -42,6 +43,8 @@ from dmoc.solving.row import Row, row_of
 from dmoc.solving.starts import InitialGuess, starts_of
 
 Bools = NDArray[np.bool_]
+# What the compiled check says of a row that passes; 0 of one that needs another look.
+PASSES, UNSEEN = 1, 2
 # Rows for which it is worth while to lay out what they have in common.
 FEWEST = 2
 # Share of the time that is left for solves whose ends are checked: what is not checked is lost.
@@ -53,12 +56,11 @@ def solved_rows(
     keywords: Keywords,
     guess: InitialGuess,
     deadline: Deadline,
-) -> dict[int, Row]:
-    """Rows of the problems, by their numbers, that are neighbours of one form and end in a strict
+) -> Iterator[Row]:
+    """Rows of the problems, with their numbers, that are neighbours of one form and end in a strict
     minimum."""
-    made: dict[int, Row] = {}
     if not isinstance(guess, Solution):
-        return made
+        return
     for numbers in _forms(problems).values():
         first = problems[numbers[0]][1]
         fits = _asks_for_it(first, keywords) and _is_free(first) and _starts_there(first, guess)
@@ -68,9 +70,7 @@ def solved_rows(
         with np.errstate(all="ignore"):
             rows = _Rows.of([problems[k][1] for k in numbers], guess, keywords, deadline)
         each = (time.perf_counter() - begin) / len(numbers)
-        of_batch = [problems[k][0] for k in numbers]
-        made |= {row.number: row for row in rows.answers(of_batch, each)}
-    return made
+        yield from rows.answers([problems[k][0] for k in numbers], each)
 
 
 def _forms(problems: Sequence[tuple[int, Problem]]) -> dict[Hashable, list[int]]:
@@ -182,36 +182,47 @@ class _Rows:
 
     def answers(self, numbers: Sequence[int], seconds: float) -> Iterator[Row]:
         """The rows that have ended in a minimum, of problems with some numbers, until the time is
-        over."""
-        each = FreeMotion(self.nlp.kernels, DISCRETISATIONS[self.nlp.problem.order])
-        for k in np.flatnonzero(self.minima).tolist():
-            if self.keywords.verify and self.deadline.passed:
-                return
-            begin = time.perf_counter()
-            solved = not self.keywords.verify or self._passes(each, k)
-            other = None if solved else self._solution(k, seconds)
-            spent = time.perf_counter() - begin + seconds
-            if other is None:
-                yield self._row(k, numbers[k], spent)
-            else:
-                yield row_of(numbers[k], other, spent, keep=False)
-
-    def _passes(self, check: FreeMotion, k: int) -> bool:
-        """Whether a row passes the compiled check."""
-        problem, lay = self.problems.each[k], self.nlp.layout
-        if not self._is_checked:
-            return False
-        motion = (
-            *self.motions.states(k, lay.touch.surfaces), problem.coordinate_bounds,
-            problem.input_bounds, problem.restitution_values, *self._watched, not lay.form.width,
-        )  # fmt: skip
-        par, cost = self.numbers.parameters[k : k + 1], float(self.motions.cost[k])
+        over; after Ctrl-C those that have passed the check before."""
+        which, interrupted = np.flatnonzero(self.minima), False
+        begin, verdicts = time.perf_counter(), np.full(len(which), UNSEEN, np.uint8)
         try:
-            with np.errstate(all="ignore"):
-                found = check.measured(par, motion, cost, partial(out_of_time, self.deadline))
+            self._judge(which, verdicts)
         except OutOfTimeError:
-            return False
-        return found is not None and passes(found)
+            pass
+        except KeyboardInterrupt:
+            interrupted = True
+        each = seconds + (time.perf_counter() - begin) / max(len(which), 1)
+        kept = self._kept(which, [numbers[k] for k in which.tolist()], each)
+        for k, row, verdict in zip(which.tolist(), kept, verdicts.tolist(), strict=True):
+            if verdict == PASSES:
+                yield row
+            elif not interrupted and not self.deadline.passed:
+                begin = time.perf_counter()
+                other = self._solution(k, seconds)
+                yield row_of(row.number, other, each + time.perf_counter() - begin, keep=False)
+        if interrupted:
+            raise KeyboardInterrupt
+
+    def _judge(self, which: Index, verdicts: NDArray[np.uint8]) -> None:
+        """Find out which of some rows pass the compiled check, as far as the time allows."""
+        problem, kernels = self.problems.first, self.nlp.kernels
+        if not self.keywords.verify:
+            verdicts[:] = PASSES
+            return
+        if not self._is_checked:
+            return
+        both = self.problems.coordinate_bounds, self.problems.input_bounds
+        boxes = (box.take(which, axis=0) for box in both)
+        motions = (
+            *self.motions.states(which, self.nlp.layout.touch.surfaces), *boxes,
+            problem.restitution_values, *self._watched, not self.nlp.layout.form.width,
+        )  # fmt: skip
+        par, claims = self.numbers.parameters[which], self.motions.cost[which]
+        check = FreeMotion(kernels, DISCRETISATIONS[problem.order])
+        check_time = partial(out_of_time, self.deadline)
+        check_time()
+        with np.errstate(all="ignore"):
+            check.judge(par, motions, claims, MOST, verdicts, check_time)
 
     @cached_property
     def _is_checked(self) -> bool:
@@ -230,15 +241,17 @@ class _Rows:
         rates = np.array([(b.place, b.sign, b.value) for b in bounds], dtype=float)
         return watched, rates.reshape(-1, 3)
 
-    def _row(self, k: int, number: int, seconds: float) -> Row:
-        """What a batch keeps of a row that is solved."""
-        m = self.motions
-        return Row(
-            number, str(Status.SOLVED), Status.SOLVED.sentence, float(m.cost[k]),
-            float(m.final_time[k]), self.problems.first.words, tuple(m.event_times[k].tolist()),
-            tuple(m.impulse[k].tolist()), int(self.ends.iterations[k]),
-            "passed" if self.keywords.verify else "", seconds=seconds,
-        )  # fmt: skip
+    def _kept(self, which: Index, numbers: Sequence[int], seconds: float) -> Iterator[Row]:
+        """What a batch keeps of some rows, of problems with these numbers, that are solved."""
+        m, words = self.motions, self.problems.first.words
+        check, status = "passed" if self.keywords.verify else "", str(Status.SOLVED)
+        columns = m.cost, m.final_time, m.event_times, m.impulse, self.ends.iterations
+        for number, *values in zip(numbers, *(c[which].tolist() for c in columns), strict=True):
+            cost, final_time, times, impulses, iterations = values
+            yield Row(
+                number, status, Status.SOLVED.sentence, cost, final_time, words, tuple(times),
+                tuple(impulses), iterations, check, seconds=seconds,
+            )  # fmt: skip
 
     def _solution(self, k: int, seconds: float) -> Solution:
         """The solution of a row, checked if it shall be."""

@@ -215,7 +215,7 @@ class Counting(Executor):
 
 
 @pytest.mark.parametrize(
-    "seconds, largest", [(1.0, 1), (0.05, 4), (1e-4, many.TOGETHER)], ids=["slow", "some", "quick"]
+    "seconds, largest", [(1.0, 1), (0.05, 10), (1e-4, many.TOGETHER)], ids=["slow", "some", "quick"]
 )
 def test_quick_problems_travel_together_and_slow_ones_alone(
     block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
@@ -225,10 +225,10 @@ def test_quick_problems_travel_together_and_slow_ones_alone(
 
     monkeypatch.setattr(many, "solve_share", solved)
     executor = Counting()
-    batch = dmoc.solve_many([block] * 300, executor=executor)
-    assert batch.status == ("solved",) * 300 and sum(executor.sizes) == 300
+    batch = dmoc.solve_many([block] * 1200, executor=executor)
+    assert batch.status == ("solved",) * 1200 and sum(executor.sizes) == 1200
     assert executor.sizes[0] == 1 and max(executor.sizes) == largest
-    assert executor.sizes[-1] == 1  # the last ones are small, so that none is waited for
+    assert executor.sizes[-1] <= 2  # the last ones are small, so that none is waited for
 
 
 class Refusing(Executor):

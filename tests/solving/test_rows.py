@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Options
 from dmoc.solvers.row_solves import solve_rows
 from dmoc.solving import many, rows
+from dmoc.solving.row import Row
 
 pytestmark = pytest.mark.slow
 
@@ -36,10 +37,10 @@ def together(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setattr(many.Pace, "together", 64)
     numbers, solved = list[int](), many.solved_rows
 
-    def noted(*args: Any) -> dict[int, Any]:
-        made = solved(*args)
-        numbers.extend(made)
-        return made
+    def noted(*args: Any) -> Iterator[Row]:
+        for row in solved(*args):
+            numbers.append(row.number)
+            yield row
 
     monkeypatch.setattr(many, "solved_rows", noted)
     return numbers
@@ -277,6 +278,26 @@ def test_rows_stop_in_time_and_by_ctrl_c(
     monkeypatch.setattr(rows, "row_numbers", interrupted)
     batch = dmoc.solve_many(problems, guess=guess, verify=False)
     assert batch.counts == {"interrupted": 1, "not_tried": 39}
+
+
+def test_rows_that_have_passed_before_ctrl_c_are_kept(
+    together: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base, looks = pendulum(2, steps=100), list[None]()
+    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
+    problems = neighbours(base, 20, 0.02)
+
+    def interrupted(deadline: Deadline) -> None:
+        looks.append(None)
+        if len(looks) > 25:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(rows, "out_of_time", interrupted)
+    batch = dmoc.solve_many(problems, guess=guess)
+    solved = batch.counts["solved"]
+    assert 0 < solved < 19
+    assert batch.counts == {"solved": solved, "interrupted": 1, "not_tried": 19 - solved}
+    assert batch.status[:solved] == ("solved",) * solved
 
 
 def test_rows_that_are_solved_in_time_are_kept(
