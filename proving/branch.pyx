@@ -36,6 +36,7 @@ cdef extern from "tree.h" nogil:
         const double *places
         int rows, conditions
         const double *S
+        int cost
         const double *condition
     ctypedef struct Rows:
         int rows, columns
@@ -144,7 +145,7 @@ cdef class Branch:
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
                 self._numbers(phase.most), self._numbers(phase.since),
                 self._numbers(phase.moves), self._numbers(phase.places), len(phase.S),
-                len(phase.conditions), self._numbers(phase.S), self._numbers(phase.conditions),
+                len(phase.conditions), self._numbers(phase.S), phase.cost, self._numbers(phase.conditions),
             )
         for i, event in enumerate(linear.events):
             self.events[i] = Event(

@@ -32,7 +32,8 @@ class LinearPhase:
     + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 5), one of them with
     one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
     the last; where a fifth number is 1, it vanishes.  The last ``squares`` of the inputs stand for
-    positions and velocities, which cost about ``heavy``."""
+    positions and velocities, which cost about ``heavy``; the row of number ``cost``, if it is
+    not negative, is added to what each step costs."""
 
     steps: int
     P: Array
@@ -50,6 +51,7 @@ class LinearPhase:
     conditions: Array
     squares: int = 0
     heavy: float = 0.0
+    cost: int = -1
 
     @property
     def size(self) -> int:

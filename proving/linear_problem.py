@@ -51,7 +51,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
         zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
         problem.final_time_bounds, model.shifts, model.sizes, np.diag(model.M),
-        _left_out(model, frames),
+        _left_out(model, frames, steps),
     )  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def _durations(problem: Problem) -> Array:
     return np.stack([np.maximum(low, SHORTEST * latest), np.minimum(high, latest)], axis=1)
 
 
-def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
+def _left_out(model: LinearModel, frames: list[Frame], steps: LinearSteps) -> tuple[str, ...]:
     """Conditions that no bound takes into account: without them it is still one."""
     p = model.problem
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
@@ -74,6 +74,7 @@ def _left_out(model: LinearModel, frames: list[Frame]) -> tuple[str, ...]:
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
         *(("forces that the motion does not tell",) if untold else ()),
         *(("that what leaves does not press any more",) if liftoffs_of(p) else ()),
+        *(("that steps share inputs where they meet",) if steps.parts_inputs else ()),
     )
 
 

@@ -44,6 +44,7 @@ typedef struct {
     int rows, conditions;
     const double *S;            /* (rows, 3, 2 r + na + nb + 1): rows (S_0 + h S_1 + h^2 S_2) of
                                    (y, h p, a, u, 1) in a step */
+    int cost;                   /* the row of a step that is added to the cost, or -1 */
     const double *condition;    /* (conditions, 5): a row of a step and one of the next step, or -1,
                                    whose sum is not positive; the first step and the last one; 1
                                    where it vanishes, 0 */

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
-from dmoc.base.discretisation import FORMS, gauss
+from dmoc.base.discretisation import FORMS, InputForm
 from dmoc.base.errors import ProblemError
 from dmoc.codegen.kernels import Array
+from dmoc.proving.convexity import check_convex
 from dmoc.proving.linear import LinearPhase
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.recognition import SAME_VALUE, TRIALS, affine
 from dmoc.proving.state_costs import (
     StateCost,
-    shapes_at_points,
+    places_of,
     squares_of,
     state_cost,
     with_squares,
@@ -45,8 +46,8 @@ class LinearSteps:
         if loose.any():
             name = p.kernels.inputs[int(np.argmax(loose)) % p.nu]
             raise ProblemError(
-                f"the input {name} has neither a cost nor bounds: give it one of both, or nothing "
-                "keeps it finite."
+                f"the input {name} has neither a cost of its own nor bounds: give it one of both, "
+                "or nothing keeps it finite."
             )
         paths, most, since, moves = self._paths(i, frame)
         along = self._along(i, frame)
@@ -56,7 +57,7 @@ class LinearSteps:
             p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
             since, moves, p.scheme.nodes[2:], asked.S, asked.conditions,
         )  # fmt: skip
-        squares = squares_of(self.state_cost, frame, p.scheme)
+        squares = squares_of(self.state_cost, frame, p.scheme, self._form)
         return with_squares(phase, squares, self._heavy)
 
     @cached_property
@@ -69,15 +70,26 @@ class LinearSteps:
     def _heavy(self) -> float:
         """What typical positions and velocities cost."""
         p, sizes = self.model.problem, self.model.sizes
-        rates = sizes / (p.final_time_bounds[1] / p.phases)
-        return float(self.state_cost.at(np.concatenate([sizes, rates])[None])[0])
+        x = np.concatenate([sizes, sizes / (p.final_time_bounds[1] / p.phases)])
+        cost = self.state_cost
+        squares = replace(cost, slope=0 * cost.slope, rest=0.0).at(x[None], np.zeros((1, p.nu)))
+        return float(squares[0] + np.abs(cost.slope) @ x + abs(cost.rest))
+
+    @property
+    def _form(self) -> InputForm:
+        return FORMS[self.model.problem.control_form]
 
     @property
     def _rows(self) -> int:
         """Rows of the inputs of a step.  Where steps share them at a node, each has its own: at
         order 2 a motion is that of both halves of the impulse there in sum, and two values cost no
         less than their mean does twice, since costs are convex."""
-        return 2 if FORMS[self.model.problem.control_form].width else 1
+        return 2 if self._form.width else 1
+
+    @property
+    def parts_inputs(self) -> bool:
+        """Whether steps would do better with inputs of their own where they share them."""
+        return bool(self._form.shared) and bool(self.state_cost.F.any())
 
     def _step(self, x: Array, h: float, time: float = 0.0) -> list[Array]:
         """Rows (q_k, q_i, q_kp1, u) of steps, shape (k, ...), as kernels take them."""
@@ -194,28 +206,31 @@ class LinearSteps:
         error = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
         uneven = np.abs(np.diag(R)[curved] - 1) > UNEVEN
         wrong = np.abs(cost(u * size, np.zeros((TRIALS, nodes))) - expected) > error
-        expected += self._squared(q) - self._squared(0 * q)
+        expected += self._beside(q, u * size) - self._beside(0 * q, u * size)
         error = SAME_VALUE * max(np.abs(expected).max(initial=0.0), 1e-300)
         if uneven.any() or wrong.any():
             raise ProblemError("the cost is no quadratic function of the inputs: proofs need one.")
         if (np.abs(cost(u * size, q) - expected) > error).any():
             raise ProblemError(
-                "the cost is no sum of a quadratic function of the inputs and one of positions and "
-                "velocities: proofs need one."
+                "the cost is no quadratic function of positions, velocities and inputs: proofs "
+                "need one."
             )
-        _check_convex(R)
-        return R / np.outer(size, size), c / size, c_0 - float(self._squared(rest)[0])
+        R, c = R / np.outer(size, size), c / size
+        of_squares, slopes = self.state_cost.inputs_of(p.scheme, self._form)
+        alone = R - of_squares
+        alone[np.abs(alone) <= NOTHING * (np.abs(R) + np.abs(of_squares))] = 0.0
+        check_convex(alone, bool(of_squares.any()))
+        return alone, c - slopes, c_0 - float(self._beside(rest, np.zeros((1, nb)))[0])
 
-    def _squared(self, q: Array) -> Array:
-        """What positions and velocities of steps with the nodes q cost by the time."""
-        p = self.model.problem
-        values, slopes = shapes_at_points(p.scheme)
+    def _beside(self, q: Array, u: Array) -> Array:
+        """What positions and velocities of steps with the nodes q cost beside inputs by the
+        time."""
+        p, total = self.model.problem, np.zeros(len(q))
         nodes = q.reshape(len(q), p.scheme.degree + 1, p.nq)
-        states = [
-            self.state_cost.at(np.hstack([by @ nodes, slope @ nodes / self.model.h]))
-            for by, slope in zip(values, slopes, strict=True)
-        ]
-        return np.asarray(gauss(p.scheme.degree)[1] @ np.array(states))
+        for at in places_of(p.scheme, self._form):
+            x = np.hstack([at.values @ nodes, at.slopes @ nodes / self.model.h])
+            total += at.weight * self.state_cost.at(x, u @ at.of_inputs(p.nu).T)
+        return total
 
     def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array, Array]:
         """What holds in the steps of a phase and at their ends, from which step on, and the shifts
@@ -236,17 +251,3 @@ class LinearSteps:
         A, b = A @ frame.Z, b - A @ frame.origin
         kept = np.abs(A).max(axis=1, initial=0.0) > 0
         return A[kept], b[kept], since[kept], moves[kept]
-
-
-def _check_convex(R: Array) -> None:
-    """Refuse a matrix (nb, nb) of a cost that falls in some direction, or that does not bend in one
-    which belongs to several inputs; its diagonal has ones and zeros."""
-    curved = np.diag(R) > 0
-    least = np.linalg.eigvalsh(R[np.ix_(curved, curved)]).min(initial=1.0)
-    if least < -SAME_VALUE or R[~curved].any():
-        raise ProblemError("the cost is not convex in the inputs: proofs need one that is.")
-    if least <= SAME_VALUE:
-        raise ProblemError(
-            "the cost is the same for several combinations of its inputs: proofs need a cost of "
-            "each, such as a small multiple of its square."
-        )

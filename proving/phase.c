@@ -78,6 +78,16 @@ static void add_inside(const Phase *p, int k, const Priced *priced, const Steps 
     }
 }
 
+/* Add what a step costs beside its inputs. */
+static void add_cost(const Phase *p, int k, const Steps *steps, line *prices)
+{
+    const int d = steps->d, m = 2 * p->r + p->nb + 1;
+    for (int column = 0; column < m && p->cost >= 0; column++) {
+        line *to = prices_of(p, k, steps, column, prices) + d - 1;
+        *to = line_add(*to, steps->rows[p->cost * m + column]);
+    }
+}
+
 /* Add the conditions at a node to the prices of the state there, (2 r, d). */
 static void add_conditions(const Phase *p, int node, const Priced *priced, const Steps *steps,
                            line *prices)
@@ -140,6 +150,7 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
             *one = line_add(*one, line_scaled(h, p->c[i]));
         }
         add_inside(p, k, priced, steps, next);
+        add_cost(p, k, steps, next);
         add_conditions(p, k, priced, steps, next);
         memcpy(now, next, sizeof(line) * s * d);
     }

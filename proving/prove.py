@@ -83,9 +83,8 @@ def prove(
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
         and inputs; surfaces of its sequence are flat, and stand or are moved by any function of the
-        time without turning; its cost is convex and quadratic in the inputs, and in positions and
-        velocities apart from them.  Its final time has an upper bound, and ranges of its start have
-        both ends.
+        time without turning; its cost is convex and quadratic in inputs, positions and
+        velocities.  Its final time has an upper bound, and ranges of its start have both ends.
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional
@@ -191,7 +190,9 @@ def lower_bound(
     problem = problem.in_rates()
     linear = linear_problem(problem)
     check_size(linear)
-    lowered = any(phase.c.any() or phase.c_0 < 0 for phase in linear.phases) or linear.soft.any()
+    lowered = linear.soft.any() or any(
+        phase.c.any() or phase.c_0 < 0 or phase.cost >= 0 for phase in linear.phases
+    )
     if growing and lowered:
         return -np.inf, np.inf, False
     size, most = _size_of_cost(linear), _largest_cost(linear)
@@ -275,7 +276,8 @@ def _claim(
 def _largest_cost(linear: LinearProblem) -> float:
     """What the inputs within their bounds cost at most; infinite where nothing bounds them, or
     where states cost something."""
-    most = np.inf if linear.soft.any() else 0.0
+    of_states = linear.soft.any() or any(phase.cost >= 0 for phase in linear.phases)
+    most = np.inf if of_states else 0.0
     for phase in linear.phases:
         reach = np.maximum(np.abs(phase.lower), np.abs(phase.upper))
         own = np.where(np.diag(phase.R) > 0, reach, 0.0)

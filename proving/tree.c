@@ -81,7 +81,7 @@ static double cost_of_time(const Problem *p, const double *low)
         for (int j = 0; j < ph->nb; j++)
             if (ph->c[j] != 0)
                 return -INFINITY;
-        if (ph->c_0 < 0)
+        if (ph->c_0 < 0 || ph->cost >= 0)
             return -INFINITY;
         sum = plus_times(sum, interval_of(ph->c_0), interval_of(low[i]));
     }

@@ -375,7 +375,7 @@ def test_bad_options_are_refused(block: Kernels) -> None:
         ("heavier", -(x * x.diff(t) ** 2), {}, "the mass matrix depends on x"),
         ("round_wall", 0, {"surfaces": {"right": x**2 <= 1}}, "the gap to right is no affine"),
         ("quartic", 0, {"cost": u**4}, "the cost is no quadratic function"),
-        ("unpaid", 0, {"cost": sp.Integer(1)}, "the input u has neither a cost nor bounds"),
+        ("unpaid", 0, {"cost": sp.Integer(1)}, "the input u has neither a cost of its own nor"),
         ("dearer", 0, {"cost": (2 - t) * u**2}, "the cost depends on the time"),
         ("pushed", 0, {"forces": {x: u + t}}, "the equations of motion depend on the time"),
         ("growing", -t * x.diff(t) ** 2 / 9, {}, "the equations of motion depend on the time"),
