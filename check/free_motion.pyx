@@ -26,6 +26,7 @@ import dmoc.check.passages as _passages
 import dmoc.check.path_limits as _paths
 import dmoc.check.quadrature as _quadrature
 import dmoc.check.runs as _runs
+import dmoc.check.segments as _segments
 import dmoc.simulation.flow as _flow
 import dmoc.simulation.roots as _roots
 import dmoc.simulation.sizes as _sizes

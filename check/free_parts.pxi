@@ -2,16 +2,18 @@
 errors (dmoc.check.segments, dmoc.check.events, dmoc.check.amplification)."""
 
 cdef double SOFT = _events.SOFT, PERTURBED = _passages.PERTURBED, STEADY = _amplification.STEADY
-cdef ptrdiff_t SEGMENTS = _motion.SEGMENTS
+cdef double SHOWN = _segments.NEAR
 
 
 cdef class FreeParts(FreeLimits):
     """Segments and hits of a free motion."""
     cdef ptrdiff_t S  # segments
-    # Of each segment its phase, its first step and the one behind its last, and the rows (q | v | X);
-    # of each step the states and accelerations at both ends, on the way from the first of its segment.
+    # Of each segment its phase, its first step and the one behind its last, its end (q | v), and that
+    # of the linearised flow (q | v | X), which may have to be integrated more finely; of each step
+    # the states and accelerations at both ends, on the way from the first of its segment.
     cdef ptrdiff_t[::1] of_phase, first, behind
-    cdef double[::1] rows, segment_errors
+    cdef double[::1] stops, rows, segment_errors
+    cdef unsigned char[::1] far
     cdef double[:, ::1] course
     # Derivatives of the states after hits by those before, in sizes; of ends by starts, in sizes.
     cdef double[::1] passing, carried, defects, products, off, accelerations
@@ -28,70 +30,107 @@ cdef class FreeParts(FreeLimits):
         self.of_phase, self.first, self.behind = (np.array(a, np.intp) for a in (phase, first, behind))
         self.S = len(phase)
         self.rows, self.segment_errors = _space(self.S * (m + m * m)), _space(self.S)
+        self.stops, self.far = _space(self.S * m), np.zeros(self.S, dtype=np.uint8)
         self.course = np.zeros((self.N, 3 * m))
         self.passing, self.carried = _space(self.P * m * m), _space(self.S * m * m)
         self.defects, self.products = _space(self.S * m), _space(4 * m * m)
         self.off, self.accelerations = _space(m), _space(self.S * m)
 
     cdef int integrate_segments(self) except -1 nogil:
-        """All segments from their first nodes, with the derivatives of their ends by these."""
-        cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, width = m + m * m
-        cdef ptrdiff_t i, j, k, c, begin = 0, count
+        """All segments from their first nodes, with the derivatives of their ends by these: by a
+        coarse integration where that gets to the same ends."""
+        cdef ptrdiff_t m = 2 * self.nq, width = m + m * m, k, i
+        self.begin_rows(m, &self.stops[0])
+        self.begin_rows(width, &self.rows[0])
         for k in range(self.S):
-            for i in range(nq):
-                self.rows[k * width + i] = self.q[self.node(self.first[k]), i]
-                self.rows[k * width + nq + i] = self.v[self.node(self.first[k]), i]
-            for i in range(m * m):
-                self.rows[k * width + m + i] = 1.0 if i % (m + 1) == 0 else 0.0
+            self.far[k] = True
+        self.follow(m, &self.stops[0], True)
+        self.coarse = True
+        self.follow(width, &self.rows[0], False)
+        self.coarse = False
+        for k in range(self.S):
+            self.far[k] = False
+            for i in range(m):
+                if not fabs(self.rows[k * width + i] - self.stops[k * m + i]) <= (
+                    SHOWN * self.size_y[i]
+                ):
+                    self.far[k] = True
+        for k in range(self.S):
+            if self.far[k]:
+                self.begin_row(k, width, &self.rows[0])
+        return self.follow(width, &self.rows[0], False)
+
+    cdef void begin_rows(self, ptrdiff_t width, double *rows) noexcept nogil:
+        cdef ptrdiff_t k
+        for k in range(self.S):
+            self.begin_row(k, width, rows)
+
+    cdef void begin_row(self, ptrdiff_t k, ptrdiff_t width, double *rows) noexcept nogil:
+        """The row of a segment at its first node, (q | v) or (q | v | X)."""
+        cdef ptrdiff_t nq = self.nq, m = 2 * nq, node = self.node(self.first[k]), i
+        cdef double *row = rows + k * width
+        for i in range(nq):
+            row[i], row[nq + i] = self.q[node, i], self.v[node, i]
+        for i in range(width - m):
+            row[m + i] = 1.0 if i % (m + 1) == 0 else 0.0
+
+    cdef int follow(self, ptrdiff_t width, double *rows, bint keeps) except -1 nogil:
+        """Integrate the rows of segments that are ``far`` to their ends, and keep their course."""
+        cdef ptrdiff_t m = 2 * self.nq, i, j, c, begin = 0, count
         while begin < self.S:
             j, count = 0, 1
             while count:
                 count = 0
                 for i in range(begin, min(begin + self.capacity, self.S)):
-                    if self.first[i] + j < self.behind[i]:
+                    if self.far[i] and self.first[i] + j < self.behind[i]:
                         self.which[count], self.step[count] = i, self.first[i] + j
                         count += 1
-                self.record_rows(count, width, 0)
+                if keeps:
+                    self.record_rows(count, rows, 0)
                 self.advance_rows(
-                    count, width, &self.rows[0], &self.begins_at[0], &self.h[0], self.inputs(0),
+                    count, width, rows, &self.begins_at[0], &self.h[0], self.inputs(0),
                     self.inputs(1), &self.accelerations[0]
                 )
-                for i in range(count):
-                    for c in range(m):
-                        self.course[self.step[i], m + c] = self.accelerations[
-                            self.which[i] * m + c
-                        ]
-                self.record_rows(count, width, 2 * m)
+                if keeps:
+                    for i in range(count):
+                        for c in range(m):
+                            self.course[self.step[i], m + c] = self.accelerations[
+                                self.which[i] * m + c
+                            ]
+                    self.record_rows(count, rows, 2 * m)
                 j += 1
             begin += self.capacity
         return 0
 
-    cdef void record_rows(self, ptrdiff_t count, ptrdiff_t width, ptrdiff_t at) noexcept nogil:
-        cdef ptrdiff_t i, c
+    cdef void record_rows(self, ptrdiff_t count, const double *rows, ptrdiff_t at) noexcept nogil:
+        """Keep states (q | v) of segments as those of their steps."""
+        cdef ptrdiff_t i, c, m = 2 * self.nq
         for i in range(count):
-            for c in range(2 * self.nq):
-                self.course[self.step[i], at + c] = self.rows[self.which[i] * width + c]
+            for c in range(m):
+                self.course[self.step[i], at + c] = rows[self.which[i] * m + c]
 
     cdef bint judge_segments(self) except -1 nogil:
         """Errors of the segments, defects and slopes; False where they are no numbers."""
-        cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, width = m + m * m, k, i, c, node
+        cdef ptrdiff_t nq = self.nq, m = 2 * self.nq, k, i, c, node
         cdef double worst, off
         cdef const double *end
+        cdef const double *X
         self.segment_error = 0.0
         for k in range(self.S):
-            end, node = &self.rows[k * width], self.node(self.behind[k] - 1) + 1
+            end, X = &self.stops[k * m], &self.rows[k * (m + m * m) + m]
+            node = self.node(self.behind[k] - 1) + 1
             worst = self.off_by(end, node)
             self.segment_errors[k] = worst
             self.segment_error = fmax(self.segment_error, worst)
-            for i in range(width):
-                if not isfinite(end[i]):
+            for i in range(m * m):
+                if not isfinite(X[i]):
                     return False
             for i in range(m):
                 off = end[i] - (self.q[node, i] if i < nq else self.v[node, i - nq])
                 self.defects[k * m + i] = off / self.size_y[i]
                 for c in range(m):
                     self.carried[(k * m + i) * m + c] = (
-                        end[m + i * m + c] / self.size_y[i] * self.size_y[c]
+                        X[i * m + c] / self.size_y[i] * self.size_y[c]
                     )
             if not isfinite(worst):
                 return False

@@ -24,7 +24,9 @@ from dmoc.mechanics.contact_mode import FREE, Mode
 from dmoc.simulation.flow import PLACES
 from dmoc.simulation.sizes import penetration
 
-COARSE = 1e-3  # error of a coarse integration, in sizes, that still shows it
+# Errors of a coarse integration, in sizes, with which it still shows what differences and the
+# linearised flow are.
+COARSE, NEAR = 1e-3, 1e-5
 
 
 def _errors(motion: Motion, y: Array, at: Index) -> tuple[Array, Array]:
@@ -192,17 +194,33 @@ def _segments_of(motion: Motion, piece: ModeSpan) -> tuple[NDArray[Any], ...]:
         motion.flow.advance(ends, piece.steps, begin, end, mode, anchors, course=course)
         slopes = _differences(motion, piece, (start, t, ends), begin, end)
     else:
-        ends = np.empty((len(start), m + m * m))
-        ends[:, :m], ends[:, m:] = start, np.eye(m).ravel()
+        ends = start.copy()
         motion.flow.advance(ends, piece.steps, begin, end, course=course)
-        slopes = ends[:, m:].reshape(-1, m, m)
+        slopes = _linearised(motion, piece, (start, ends), begin, end)
         bad = ~np.isfinite(slopes).all(axis=(1, 2))  # forces with a kink where the motion is
         if bad.any():
-            kinked = start[bad], t[bad], ends[bad, :m]
+            kinked = start[bad], t[bad], ends[bad]
             slopes[bad] = _differences(motion, piece, kinked, begin[bad], end[bad])
     errors, planned = _errors(motion, ends, to)
-    worst, defects = infinite_where_none(errors.max(axis=1)), ends[:, :m] - planned
+    worst, defects = infinite_where_none(errors.max(axis=1)), ends - planned
     return phase, first, last, worst, slopes, defects, anchors, course
+
+
+def _linearised(
+    motion: Motion, piece: ModeSpan, planned: tuple[Array, Array], first: Index, last: Index
+) -> Array:
+    """Derivatives of the ends (q | v) of free segments by their starts, from the linearised flow:
+    by a coarse integration where that gets to the same ends."""
+    (y, reached), m = planned, 2 * motion.model.nq
+    start = np.hstack([y, np.tile(np.eye(m).ravel(), (len(y), 1))])
+    rows, sizes = start.copy(), np.concatenate([motion.sizes.q, motion.sizes.v])
+    motion.flow.advance(rows, piece.steps, first, last, coarse=True)
+    far = ~(np.abs(rows[:, :m] - reached) <= NEAR * sizes).all(axis=1)
+    if far.any():
+        again = start[far]
+        motion.flow.advance(again, piece.steps, first[far], last[far])
+        rows[far] = again
+    return rows[:, m:].reshape(-1, m, m)
 
 
 def _differences(

@@ -14,11 +14,14 @@ from systems import block_system
 
 import dmoc
 from dmoc.base.deadline import ENDLESS
+from dmoc.check import compiled
 from dmoc.check import segments as segments_module
 from dmoc.check.amplification import carried
+from dmoc.check.check import judged_by_steps
 from dmoc.check.checked_motion import Motion
 from dmoc.check.segments import segments
 from dmoc.codegen.kernels import Kernels
+from dmoc.models.registry import find
 
 
 @pytest.mark.slow
@@ -116,3 +119,22 @@ def test_errors_before_a_hit_are_carried_through_it(cube: Kernels, node: int) ->
     np.testing.assert_allclose(deviations[9, 0], sum(at_hit), rtol=1e-6)
     np.testing.assert_allclose(deviations[-1, 0], 0.5 * (deviations[9, 0] + 0.02), rtol=1e-6)
     np.testing.assert_allclose(deviations[-1, 1:3], 0.0, atol=1e-9)
+
+
+def test_a_coarse_linearised_flow_serves_where_it_gets_to_the_same_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a mesh of long steps it does not, and both checks see that."""
+    reference = find("cart_pendulum")
+    problem = dmoc.Problem(reference.kernels(6), **{**reference.defaults, "steps": 10})
+    trajectory = dmoc.solve(problem, "ipm", starts=1, verify=False).trajectory
+    quick = compiled.passing(trajectory, problem.kernels, ENDLESS)
+    slow = judged_by_steps(trajectory, problem.kernels, ENDLESS)
+    monkeypatch.setattr(segments_module, "NEAR", 0.0)
+    fine = judged_by_steps(trajectory, problem.kernels, ENDLESS)
+    monkeypatch.setattr(segments_module, "NEAR", 1.0)
+    coarse = judged_by_steps(trajectory, problem.kernels, ENDLESS)
+    assert quick is not None
+    assert quick.amplification == pytest.approx(slow.amplification, rel=1e-9)
+    assert slow.amplification == pytest.approx(fine.amplification, rel=1e-4)
+    assert coarse.amplification != pytest.approx(fine.amplification, rel=1e-3)
