@@ -196,12 +196,12 @@ def follow(guide: Guide, t: float) -> tuple[Array, Array, Array]:
     k = min(int(np.searchsorted(guide.t, t, side="right")) - 1, len(guide.t) - 2)
     h = guide.t[k + 1] - guide.t[k]
     x = (t - guide.t[k]) / h
-    (q0, v0), (q1, v1) = np.split(guide.y[k], 2), np.split(guide.y[k + 1], 2)
+    (q0, v0), (q1, v1) = guide.y[k : k + 2].reshape(2, 2, -1)
     rest, bend = q1 - q0 - h * v0, h * (v1 - v0)
     square, cube = 3 * rest - bend, bend - 2 * rest
     q = q0 + x * (h * v0 + x * (square + x * cube))
     v = v0 + x * (2 * square + 3 * x * cube) / h
-    return np.append(q, v), guide.u[k], (1 - x) * guide.K[k] + x * guide.K[k + 1]
+    return np.concatenate([q, v]), guide.u[k], (1 - x) * guide.K[k] + x * guide.K[k + 1]
 
 
 @np.errstate(all="ignore")  # what is not finite is told as that

@@ -14,6 +14,7 @@ import carried_folder
 import gaits
 import motions
 import pytest
+import quick_compiler
 import ziglang
 from hypothesis import HealthCheck, settings
 from matplotlib.axis import Axis
@@ -21,7 +22,7 @@ from matplotlib.figure import Figure
 from systems import block_system, landing_system, puck_system, satellite_system
 
 import dmoc
-from dmoc.codegen import compiler
+from dmoc.codegen import build, compiler
 from dmoc.codegen.kernels import Kernels
 from dmoc.export import library
 from dmoc.export.page import TARGET
@@ -51,11 +52,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-def pytest_collection_finish() -> None:
-    """What has been imported and collected stays: the garbage collector need not go through it
-    again and again, nor so often, which would take a sixth of the time."""
-    gc.freeze()
+def pytest_configure() -> None:
+    """The garbage collector need not come so often, which would take a sixth of the time."""
     gc.set_threshold(100_000, 50, 100)
+
+
+def pytest_collection_finish() -> None:
+    """What has been imported and collected stays: it need not be gone through again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -78,8 +82,8 @@ def as_users(pytestconfig: pytest.Config) -> bool:
 
 @pytest.fixture(scope="session", autouse=True)
 def flags(as_users: bool) -> Iterator[tuple[str, ...]]:
-    """Compile kernels without optimisation, which gives the same numbers in a third of the time,
-    and functions inside those that call them; the flags of users are handed on."""
+    """Compile kernels by a quicker compiler, or without optimisation and with functions inside
+    those that call them, which gives the same numbers; the flags of users are handed on."""
     users = compiler.FLAGS
     if as_users:
         yield users
@@ -88,6 +92,7 @@ def flags(as_users: bool) -> Iterator[tuple[str, ...]]:
         inside = "-Dinline=inline __attribute__((always_inline))"
         patch.setattr(compiler, "FLAGS", (*users, "-O0", inside))
         patch.setattr(compiler, "LARGE_FLAGS", ())
+        patch.setattr(build, "compile_library", quick_compiler.compile_kernels)
         yield users
 
 

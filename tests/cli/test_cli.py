@@ -148,14 +148,14 @@ def test_a_problem_in_a_file_solves(run: Run, file: Model) -> None:
 
 
 def test_derive_generate_build_models_and_doctor(run: Run, tmp_path: Path, file: Model) -> None:
-    code, out, _ = run("derive cart_pendulum")
+    code, out, _ = run("derive puck_table")
     assert code == 0 and "Collision conditions" in out
-    assert run("derive cart_pendulum --expanded") == (code, out, "")
-    code, out, _ = run("derive cart_pendulum --format latex")
+    assert run("derive puck_table --expanded") == (code, out, "")
+    code, out, _ = run("derive puck_table --format latex")
     assert code == 0 and out.startswith(r"\documentclass")
-    assert run("derive bouncing_pendulum --format html -o p.html")[0] == 0
+    assert run("derive puck_table --format html -o p.html")[0] == 0
     assert (tmp_path / "p.html").read_text().startswith("<!DOCTYPE html>")
-    code, _, _ = run("generate cart_pendulum --out sources")
+    code, _, _ = run("generate puck_table --out sources")
     assert code == 0 and (tmp_path / "sources" / "kernels.c").exists()
     model = file("s = make()")
     assert run(f"build {model}")[0] == 0

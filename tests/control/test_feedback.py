@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,7 @@ def test_gains_of_a_motion_that_changes_with_the_time() -> None:
         f = np.array([-10 * length * c, F + length * c * w**2])
         return np.concatenate([[w, v], np.linalg.solve(M, f)])
 
+    @cache
     def at(t: float) -> tuple[np.ndarray, float]:
         state = solution.at(min(t, solution.final_time))
         return np.concatenate([state.q, state.v]), float(state.u[0])
@@ -161,7 +163,7 @@ def test_gains_of_a_motion_that_repeats_with_parts_exchanged() -> None:
     B, swap = constant(np.vstack([np.zeros((2, 2)), R])), np.eye(4)[[1, 0, 3, 2]]
     P = Q
     for _ in range(8):
-        P = backwards(A, B, Q, R, swap.T @ P @ swap, (0.0, 0.7))
+        P = backwards(A, B, Q, R, swap.T @ P @ swap, (0.0, 0.7), 1e-8)
     assert approx(P, rel=1e-4, abs=1e-4) == made.P
     assert abs(P[0, 0] - P[1, 1]) > 0.1  # they are not at the same place
 

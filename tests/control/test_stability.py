@@ -173,7 +173,7 @@ def test_a_hit_at_which_the_inputs_jump_agrees_with_simulations() -> None:
     made, near = solution.stability(), 4e-3
     for name in ("x1", "x1_dot"):
         ends = [
-            dmoc.simulate(solution, disturb={"start": {name: sign * near}, "sampling": 1e-4})
+            dmoc.simulate(solution, disturb={"start": {name: sign * near}, "sampling": 4e-4})
             for sign in (1, -1)
         ]
         first, second = (np.concatenate([run.q[-1], run.v[-1]]) for run in ends)
