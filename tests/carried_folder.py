@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from c_objects import SANITIZED, WARNINGS, object_of
+from quick_compiler import compile_quickly
 
 from dmoc.codegen import compiler
 from dmoc.codegen.compiler import HEADERS
@@ -62,7 +63,7 @@ def compile_library(
         else name
         for name in others
     ]
-    compiler.compile_library(folder, command, target, files)
+    compile_quickly(folder, command, target, files)
 
 
 def compiled(folder: Path, main: str = "main.c", *flags: str) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dmoc.codegen.compiler import HEADERS, SOURCE, compile_library
 
-USUAL = ["cc"]  # what dmoc takes where nobody says which compiler
+USUAL = "cc"  # what dmoc takes where nobody says which compiler
 
 
 @cache
@@ -27,12 +27,21 @@ def tiny() -> list[str]:
     return [str(place / "bin" / "tcc"), *own, "-std=c11", "-w", "-nostdlib", "-shared"]
 
 
-def compile_kernels(
+@cache
+def helpers() -> str:
+    """The functions that the usual compiler's objects call without being told."""
+    asked = [USUAL, "-print-libgcc-file-name"]
+    return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def compile_quickly(
     folder: Path, command: list[str], target: str, others: Sequence[str] = ()
 ) -> None:
     """What dmoc's `compile_library` does, by another compiler where it can."""
-    if command == USUAL and tiny() and not others:
-        words = [*tiny(), f"-I{HEADERS}", SOURCE, "-lm", "-o", target]
+    first, *flags = command
+    if first == USUAL and tiny():
+        files = [SOURCE, *others, *([helpers()] if others else [])]
+        words = [*tiny(), *flags, f"-I{HEADERS}", *files, "-lm", "-o", target]
         if subprocess.run(words, cwd=folder, capture_output=True).returncode == 0:
             return
     compile_library(folder, command, target, others)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carried_folder import compiled
 from carried_problems import linkage
 from planner_driver import Planned, Step, folder_of, planned
 from sympy.physics.mechanics import dynamicsymbols
@@ -153,17 +152,17 @@ def test_what_stays_closed(order: int, tmp_path: Path) -> None:
         Step(0.5, (0.2, 1e-4, 0.8, -1e-3)), Step(0.7, (0.4, 0.0, 0.9, 0.0)),
         Step(0.8, (0.4, 0.0, -0.1, 0.0)),
     ]  # fmt: skip
-    plans = planned(folder_of(planner, tmp_path / "slid"), tmp_path / "slid", steps)
+    program, folder = folder_of(planner, tmp_path / "slid"), tmp_path / "slid"
+    plans = planned(program, folder, steps)
     are_those_of_python(planner, steps, plans)
     assert [plan.status for plan in plans] == [SOLVED] * 3
     assert plans[-1].end == pytest.approx(2.8)
     back = [Step(0.5, (0.2, 0.0, -2.0, 0.0)), steps[1]]
-    plans = planned(folder_of(planner, tmp_path / "back"), tmp_path / "back", back)
+    plans = planned(program, folder, back)
     assert [plan.status for plan in plans] == [AGAINST, SOLVED]
     assert not planner.begin().replan(0.5, {"x": 0.2, "y": 0, "x_dot": -2}).new
-    program = compiled(tmp_path / "back", "driver.c")
     for speed, status in ((0.1, SOLVED), (-0.1, OUTSIDE)):
-        (plan,) = planned(program, tmp_path / "back", steps[1:2], "goal.x_dot", str(speed))
+        (plan,) = planned(program, folder, steps[1:2], "goal.x_dot", str(speed))
         assert (plan.status, plan.new) == (status, status == SOLVED)
 
 
