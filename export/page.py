@@ -63,7 +63,7 @@ def generate_page(
 
     The page fetches nothing.  It carries the solver of :func:`dmoc.generate_solver` as WebAssembly,
     and has a slider for each number that this takes; what the start, the goal or a wall of the
-    drawing shows can be dragged there, and a drawing in space be turned.  Each motion begins with
+    drawing shows can be dragged there, in space parallel to the screen.  Each motion begins with
     the last one, or else with several starts; where none is found, the page says so.
 
     Parameters
@@ -132,6 +132,9 @@ def generate_page(
         "shapes": [list(range(s.start, s.start + s.size)) for s in shapes],
         "nodes": layout.ends.tolist(), "phases": phases, "events": _events(layout, solution),
         "groups": list(dict.fromkeys(GROUPS.values())),
+        "turning": [
+            kernels.coordinates[i] for own in kernels.manifest.attitudes.values() for i in own
+        ],
     }  # fmt: skip
     name = ", ".join(carried.nlp.problem.words) or kernels.name
     take = Take(name, solution.trajectory, str(solution.status), "", float(solution.cost))

@@ -12,9 +12,9 @@ from statistics import median
 import numpy as np
 import pushed_block
 import pytest
-from players import awaited, circle, now, playing, seek
+from planned_pages import cost, count, drag, number, planned, release, text
+from players import circle, now, playing, seek
 from selenium.webdriver.chrome.webdriver import WebDriver
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -37,20 +37,6 @@ def page(problem: dmoc.Problem, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return dmoc.generate_page(problem, tmp_path_factory.mktemp("planner") / "swing_up.html")
 
 
-def text(driver: WebDriver) -> str:
-    return driver.find_element(By.ID, "planned").text
-
-
-def count(driver: WebDriver) -> int:
-    return int(driver.find_element(By.ID, "planned").get_attribute("data-count") or 0)
-
-
-def planned(driver: WebDriver, least: int = 1) -> WebDriver:
-    """The page, after so many motions were planned."""
-    awaited(lambda: count(driver) >= least, lambda: text(driver))
-    return driver
-
-
 def move(driver: WebDriver, name: str, value: float) -> None:
     """Move a slider, and wait for the motion."""
     before = count(driver)
@@ -59,16 +45,6 @@ def move(driver: WebDriver, name: str, value: float) -> None:
         slider.dispatchEvent(new Event("input", {bubbles: true}));"""
     driver.execute_script(script, name, value)
     planned(driver, before + 1)
-
-
-def number(driver: WebDriver, name: str) -> float:
-    slider = driver.find_element(By.CSS_SELECTOR, f'input[name="{name}"]')
-    return float(slider.get_property("value"))
-
-
-def cost(driver: WebDriver) -> float:
-    words = driver.find_element(By.CSS_SELECTOR, ".motion > .quiet").text
-    return float(words.split("cost ")[1].split(",")[0])
 
 
 def read(driver: WebDriver, name: str) -> float:
@@ -96,24 +72,6 @@ def mass(driver: WebDriver) -> np.ndarray:
 def drawn(solution: dmoc.Solution, t: float) -> np.ndarray:
     alpha, x = solution.at(t).q
     return np.array([x + LENGTH * np.cos(alpha), LENGTH * np.sin(alpha)])
-
-
-def drag(driver: WebDriver, ring: int, way: tuple[int, int]) -> None:
-    """Drag a ring by some pixels, in ten moves."""
-    box = driver.find_elements(By.CSS_SELECTOR, "circle.handle")[ring].rect
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    chain = ActionChains(driver, duration=0)
-    chain.w3c_actions.pointer_action.move_to_location(round(x), round(y)).pointer_down()
-    for k in range(1, 11):
-        to = round(x + way[0] * k / 10), round(y + way[1] * k / 10)
-        chain.w3c_actions.pointer_action.move_to_location(*to)
-    chain.perform()
-
-
-def release(driver: WebDriver) -> None:
-    chain = ActionChains(driver, duration=0)
-    chain.w3c_actions.pointer_action.pointer_up()
-    chain.perform()
 
 
 @pytest.mark.parametrize(

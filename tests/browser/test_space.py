@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from films import END, TURN, flight
+from planned_pages import view
 from players import seek, shot, texts
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
@@ -45,13 +46,6 @@ def orange(driver: WebDriver) -> np.ndarray[Any, Any]:
     return np.array([np.median(columns), np.median(rows), len(rows)])
 
 
-def view(driver: WebDriver) -> tuple[float, float, float]:
-    canvas = driver.find_element(By.TAG_NAME, "canvas")
-    numbers = (canvas.get_attribute(f"data-{name}") for name in ("yaw", "pitch", "zoom"))
-    yaw, pitch, zoom = (float(number or 0) for number in numbers)
-    return yaw, pitch, zoom
-
-
 @pytest.mark.parametrize("script", ["", WITHOUT], ids=["webgl", "canvas"])
 def test_bodies_are_drawn_where_they_are(opened: Open, page: Path, script: str) -> None:
     """The ball goes to the right and comes back, in its colour."""
@@ -78,7 +72,7 @@ def test_dragging_and_keys_turn_and_the_wheel_goes_nearer(opened: Open, page: Pa
     turned, after = orange(driver), view(driver)
     assert after == pytest.approx((yaw - 0.8, pitch + 0.24, zoom))
     assert np.hypot(*(turned - begin)[:2]) > 20
-    wheel = "arguments[0].dispatchEvent(new WheelEvent('wheel', {deltaY: -400}));"
+    wheel = "arguments[0].dispatchEvent(new WheelEvent('wheel', {deltaY: -400, bubbles: true}));"
     driver.execute_script(wheel, canvas)
     assert view(driver)[2] == pytest.approx(np.exp(-0.5))
     assert orange(driver)[2] > 1.5 * turned[2]

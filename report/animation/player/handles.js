@@ -3,26 +3,34 @@
 const TRIED = 1e-5; // by which a place is moved to see what follows
 const FOLLOWING = 4; // steps of Newton's method for what is dragged
 
+const AREAS = ["wall", "plane"]; // shapes that stand still, and whose parameters can be dragged
+const LINES = ["link", "spring", "rod", "coil"]; // shapes of several points
+const UNHELD = ["contact", "touch", "force", "torque"]; // shapes that show what others have
+
 // Points of the drawing that can be dragged: a place, and the numbers that it takes from there.  A
 // point of a body moves the coordinates at an end that bodies with fewer of them do not depend on; one
 // of a wall the parameters that walls alone depend on.  Of points with the same numbers that which they
 // move most is taken.
 function handlesOf(plan, motion, places) {
+  const size = motion.bounds.length / 2; // of a place: 2, or 3 in space
   const points = motion.shapes.flatMap(({ kind, columns: own }) => {
-    if (kind === "contact") return [];
-    const wall = kind === "wall";
-    const pairs = kind === "link" || kind === "spring" ? own.length / 2 : 1;
-    return Array.from({ length: pairs }, (_, k) => ({ wall, at: wall ? own : own.slice(2 * k, 2 * k + 2) }));
+    if (UNHELD.includes(kind)) return [];
+    const wall = AREAS.includes(kind);
+    const count = LINES.includes(kind) ? own.length / size : 1;
+    const at = (k) => (kind === "wall" ? own : own.slice(size * k, size * (k + 1)));
+    return Array.from({ length: count }, (_, k) => ({ wall, at: at(k) }));
   });
   const reach = (end, { at }, number) => {
     const [a, b] = [0, TRIED].map((more) => pointAt(at, places(end, number, more)));
-    return Math.hypot(a[0] - b[0], a[1] - b[1]) / TRIED;
+    return Math.hypot(...a.map((e, k) => e - b[k])) / TRIED;
   };
   const moves = (...which) => reach(...which) > 1e-3;
   const handles = new Map();
   for (const end of ["start", "goal"]) {
     const of = (field) => plan.numbers.flatMap(({ name }, i) => (name.startsWith(`${field}.`) ? [i] : []));
-    const states = plan.coordinates.map((name) => plan.numbers.findIndex((n) => n.name === `${end}.${name}`));
+    const states = plan.coordinates.map((name) => {
+      return plan.turning.includes(name) ? -1 : plan.numbers.findIndex((n) => n.name === `${end}.${name}`);
+    });
     const own = points.map((p) => states.filter((i) => i >= 0 && moves(end, p, i)));
     const bodies = points.filter(({ wall }) => !wall);
     points.forEach((p, k) => {
@@ -38,18 +46,40 @@ function handlesOf(plan, motion, places) {
   return [...handles.values()];
 }
 
-// The point of some columns: x and y, or the middle of two points.
+// The point of some columns: a place, or the middle of the two ends of a wall in the plane.
 function pointAt(at, columns) {
   const own = at.map((k) => columns[k]);
-  return own.length === 2 ? own : [(own[0] + own[2]) / 2, (own[1] + own[3]) / 2];
+  return own.length < 4 ? own : [(own[0] + own[2]) / 2, (own[1] + own[3]) / 2];
 }
 
-// Move the numbers of a handle so that it goes to a place, as near as it can.
-function follow({ at, end, numbers: own }, goal, numbers, places) {
+// What is seen of a picture: where points are in it, in pixels; two numbers of a point along its axes,
+// ``flat``, and those that a pixel stands for in the plane through a point and parallel to the screen.
+function sightOf(root) {
+  if (root.sight) {
+    const { camera, width, height } = root.sight;
+    const flat = (p) => [vector.dot(p, camera.right), vector.dot(p, camera.up)];
+    const to = (p) => seenBy(camera, p, width, height).slice(0, 2);
+    const from = ([x, y], p) => {
+      const [px, py, depth] = seenBy(camera, p, width, height);
+      const pixel = (2 * depth) / (camera.focus * height);
+      const [a, b] = flat(p);
+      return [a + pixel * (x - px), b - pixel * (y - py)];
+    };
+    return { flat, to, from };
+  }
+  const [scale, x, y] = ["scale", "x", "y"].map((name) => Number(root.dataset[name]));
+  const to = ([a, b]) => [x + scale * a, y - scale * b];
+  const from = ([px, py]) => [(px - x) / scale, (y - py) / scale];
+  return scale ? { flat: (p) => p, to, from } : null; // it has no size yet
+}
+
+// Move the numbers of a handle so that it is seen at a place, as near as it can.
+function follow({ at, end, numbers: own }, { goal, flat }, numbers, places) {
+  const seen = (...moved) => flat(pointAt(at, places(end, ...moved)));
   for (let k = 0; k < FOLLOWING; k += 1) {
-    const [x, y] = pointAt(at, places(end));
+    const [x, y] = seen();
     const slopes = own.map((i) => {
-      const [a, b] = pointAt(at, places(end, i, TRIED));
+      const [a, b] = seen(i, TRIED);
       return [(a - x) / TRIED, (b - y) / TRIED];
     });
     const sum = (f) => slopes.reduce((total, slope) => total + f(slope), 0);
@@ -64,13 +94,14 @@ function follow({ at, end, numbers: own }, goal, numbers, places) {
 
 // Rings on the picture at what can be dragged.
 function makeHandles(handles, root, places, drag) {
-  const view = () => ["scale", "x", "y"].map((name) => Number(root.dataset[name]));
+  const sheet = root.querySelector(".stage > svg") ?? root;
   const rings = handles.map((handle) => {
     const ring = svg("circle", { class: `handle ${handle.end}`, r: 11, "aria-hidden": "true" });
     const move = (event) => {
-      const [scale, x, y] = view();
-      const box = root.getBoundingClientRect();
-      drag(handle, [(event.clientX - box.left - x) / scale, (y - (event.clientY - box.top)) / scale]);
+      const [sight, box] = [sightOf(root), sheet.getBoundingClientRect()];
+      const point = pointAt(handle.at, places(handle.end));
+      const goal = sight.from([event.clientX - box.left, event.clientY - box.top], point);
+      drag(handle, { goal, flat: sight.flat });
     };
     ring.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
@@ -86,13 +117,14 @@ function makeHandles(handles, root, places, drag) {
     });
     return ring;
   });
-  root.append(...rings);
-  return () => {
-    const [scale, x, y] = view();
-    if (!scale) return; // it has no size yet
+  sheet.append(...rings);
+  const place = () => {
+    const sight = sightOf(root);
     handles.forEach(({ at, end }, i) => {
-      const [a, b] = pointAt(at, places(end));
-      set(rings[i], { cx: x + scale * a, cy: y - scale * b });
+      const [cx, cy] = sight?.to(pointAt(at, places(end))) ?? [0, 0];
+      set(rings[i], { cx, cy });
     });
   };
+  root.addEventListener("seen", place);
+  return place;
 }

@@ -158,7 +158,6 @@ async function makePlanner(plan, motion) {
   const begin = () => {
     show([motion]);
     attach();
-    if (room.length === 6) return; // what is seen in space is turned when it is dragged
     const root = byId("stage").querySelector(".picture");
     place = makeHandles(handlesOf(plan, motion, places), root, places, drag);
     whenSized(root, () => place());

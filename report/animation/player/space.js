@@ -102,6 +102,8 @@ function makeSpace(motion, bounds, clock) {
     scale.textContent = `${motion.unit ? `grid ${tick(ground.step, ground.step)} ${motion.unit}, ` : ""}drag to turn`;
     set(canvas, { "aria-label": spoken(motion, end) });
     Object.assign(canvas.dataset, { yaw: view.yaw, pitch: view.pitch, zoom: view.zoom });
+    root.sight = { camera, width, height };
+    root.dispatchEvent(new Event("seen"));
   }
 
   const redraw = () => draw(now);
@@ -150,7 +152,7 @@ function moveView(canvas, view, redraw) {
     redraw();
   });
   for (const end of ["lostpointercapture", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(event.pointerId));
-  canvas.addEventListener("wheel", (event) => {
+  canvas.parentElement.addEventListener("wheel", (event) => {
     event.preventDefault();
     zoomed(Math.exp(event.deltaY / 800));
     redraw();
