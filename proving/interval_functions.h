@@ -28,12 +28,7 @@ static inline interval interval_exp(interval a)
     return e.lo < 0 && e.hi < INFINITY ? (interval){0, e.hi} : e;
 }
 
-static inline interval interval_log(interval a)
-{
-    if (!(a.lo > 0))
-        return (interval){-INFINITY, INFINITY};
-    return interval_of_library(log(a.lo), log(a.hi));
-}
+static inline interval interval_log(interval a) { return interval_of_library(log(a.lo), log(a.hi)); }
 
 static inline interval interval_atan(interval a) { return interval_of_library(atan(a.lo), atan(a.hi)); }
 

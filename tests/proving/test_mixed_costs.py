@@ -116,8 +116,9 @@ def test_inputs_that_steps_share_are_named() -> None:
 
 
 def test_what_is_linear_has_no_bounds_of_its_own() -> None:
-    problem = problem_of("uphill", bounds={"u": (-90, 90)})
-    assert _largest_cost(linear_problem(problem)) == np.inf
+    bounded = problem_of("uphill", bounds={"u": (-90, 90)})
+    assert _largest_cost(linear_problem(bounded)) == np.inf
+    problem = problem_of("tied")
     assert lower_bound(problem, 1.0, Deadline.after(9), growing=True)[0] == -np.inf
 
 

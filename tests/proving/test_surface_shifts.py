@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
 from typing import Any
 
 import mpmath as mp
@@ -21,7 +22,7 @@ FUNCTIONS: dict[str, tuple[Callable[[Any], Any], Callable[[Any], Any], float, fl
     "inverse": (lambda t: 1.0 / t, lambda t: 1 / t, 0.1, 3),
     "root": (lambda t: F.sqrt(t + 2.0), lambda t: mp.sqrt(t + 2), -1.9, 2),
     "sine": (lambda t: F.sin(t * 7.0), lambda t: mp.sin(t * 7), -40, 40),
-    "cosine": (lambda t: F.cos(-t), lambda t: mp.cos(t), -40, 40),
+    "cosine": (F.cos, mp.cos, -40, 40),
     "tangent": (F.tan, mp.tan, -1.5, 1.5),
     "exponential": (lambda t: F.exp(-t * t), lambda t: mp.exp(-t * t), -3, 3),
     "logarithm": (F.log, mp.log, 0.01, 9),
@@ -84,6 +85,12 @@ def test_waves_reach_their_ends() -> None:
 def test_what_has_no_bounds_has_infinite_ones() -> None:
     for function in (lambda t: 1.0 / t, F.log, lambda t: F.exp(t * 9999.0), F.sqrt):
         assert not np.isfinite(bounds_of(function, -1, 2)).all()
+
+
+def test_constants_of_the_text_count_as_rounded() -> None:
+    low, high = Term.of(0.1).bounds
+    assert Fraction(low) < Fraction(1, 10) < Fraction(high) < Fraction(1, 10) + Fraction(1, 10**15)
+    assert Term.of(0.5).bounds == (0.5, 0.5)
 
 
 def test_terms_that_are_alike_are_one_operation() -> None:
