@@ -15,11 +15,16 @@ What contacts ask of the steps of a phase are rows (S_0 + h S_1 + h^2 S_2) (q_k,
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.program.blocks import Index
+
+# The last number of a condition, what it is: it holds in each of its steps, or in sum.
+IN_EACH, IN_SUM = 0, 2
 
 
 @record(frozen=True, eq=False)
@@ -31,9 +36,10 @@ class LinearPhase:
     ``places`` are those of the nodes inside a step.  ``S``, shape (m, 3, 2 r
     + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 5), one of them with
     one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
-    the last; where a fifth number is 1, it vanishes.  The last ``squares`` of the inputs stand for
-    positions and velocities, which cost about ``heavy``; the row of number ``cost``, if it is
-    not negative, is added to what each step costs."""
+    the last; where a fifth number is 1, it vanishes, where it is ``IN_SUM``, that is the sum of the
+    row over these steps.  The last ``squares`` of the inputs stand for positions and velocities,
+    which cost about ``heavy``; the row of number ``cost``, if it is not negative, is added to what
+    each step costs."""
 
     steps: int
     P: Array
@@ -118,6 +124,16 @@ class LinearProblem:
     sizes: Array  # typical of the coordinates
     inertia: Array  # the diagonal of M
     left_out: tuple[str, ...]
+
+    @property
+    def without_sums(self) -> LinearProblem:
+        """The problem without the conditions that follow from others in sum."""
+        kept = (phase.conditions[:, 4] != IN_SUM for phase in self.phases)
+        phases = (
+            replace(phase, conditions=phase.conditions[own])
+            for phase, own in zip(self.phases, kept, strict=True)
+        )
+        return replace(self, phases=tuple(phases))
 
     @property
     def definitions(self) -> int:

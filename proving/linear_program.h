@@ -23,7 +23,7 @@
 #define MOST_PRICED 16
 #endif
 #ifndef MOST_STEP_ROWS
-#define MOST_STEP_ROWS 64
+#define MOST_STEP_ROWS 96
 #endif
 #ifndef MOST_MULTIPLIERS
 #define MOST_MULTIPLIERS 48
@@ -46,8 +46,8 @@ typedef struct {
                                    (y, h p, a, u, 1) in a step */
     int cost;                   /* the row of a step that is added to the cost, or -1 */
     const double *condition;    /* (conditions, 5): a row of a step and one of the next step, or -1,
-                                   whose sum is not positive; the first step and the last one; 1
-                                   where it vanishes, 0 */
+                                   whose sum is not positive; the first step and the last one;
+                                   and what it is */
 } Phase;
 
 /* rows functions A z + b + shifted s(t) of a state z at the time t, whose shifts are s */
@@ -82,6 +82,9 @@ typedef struct {
 /* A condition along a phase that is priced: row ``path`` at node ``node``, or at a place inside the
  * step that begins there; or condition ``path`` of this step. */
 enum { AT_NODE = -1, IN_STEP = -2 };
+/* What a condition is: it holds in each of its steps, it vanishes there, or its sum over them holds,
+ * which is priced in the first one. */
+enum { IN_EACH, VANISHES, IN_SUM };
 typedef struct {
     int phase, node, inside, path;
 } Priced;

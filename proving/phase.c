@@ -51,7 +51,7 @@ static const line *row_in_step(const Phase *p, const Priced *at, int k, const St
 {
     const double *of = p->condition + 5 * at->path;
     const int row = at->inside != IN_STEP   ? -1
-                    : at->node == k         ? (int)of[0]
+                    : of[4] == IN_SUM || at->node == k ? (int)of[0]
                     : at->node == k - 1     ? (int)of[1]
                                             : -1;
     return row < 0 ? 0 : steps->rows + row * (2 * p->r + p->nb + 1);

@@ -156,8 +156,10 @@ def _proved(
     beyond += ABOVE * (beyond + size)  # what is nearly as dear as can be is a motion still
     least, kept = LEAST_GAP * size, most_kept(linear)
     most = beyond if motion is None else max(beyond, motion.cost)
-    branch = branch_of(linear)(linear, best, most, gap / 2, least, size, kept, workers)
     known = digest(linear, beyond, gap)
+    # What follows in sum tells quickly that there is no motion, and no more where there is one.
+    linear = linear if motion is None else linear.without_sums
+    branch = branch_of(linear)(linear, best, most, gap / 2, least, size, kept, workers)
     continued(journal, branch, known)
     going_on = True
     try:
@@ -199,7 +201,8 @@ def lower_bound(
     most += ABOVE * (most + size)  # what is nearly as dear as can be is a motion still
     limit -= LEAST_GAP * size
     asked = min(limit, DEAR * size if np.isinf(most) else most)
-    branch = branch_of(linear)(linear, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
+    cheap = linear.without_sums
+    branch = branch_of(cheap)(cheap, np.inf, asked, BOUNDED, LEAST_GAP * size, size, 0, workers)
     going_on = True
     while going_on and not until.passed and branch.best >= limit:  # none is known that costs less
         branch, going_on = run(branch, SLICE)

@@ -18,6 +18,7 @@ from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
 from dmoc.program.liftoffs import liftoffs_of
+from dmoc.proving.linear import IN_EACH, IN_SUM
 from dmoc.proving.linear_model import Frame, LinearModel
 
 # Coefficients below this share of the largest of their row are rounding errors.
@@ -49,6 +50,7 @@ class StepConditions:
         if not self.steps:
             return
         self._add_speeds(p.velocity_bounds)
+        self._add_ways(p.velocity_bounds)
         if not self.mode.free:
             self._add_directions()
             if told(frame.pushes):
@@ -66,7 +68,9 @@ class StepConditions:
         """Rows of (q_k, a, u, 1) as those of (q_k, h p_k, a, u, 1)."""
         return np.insert(rows, [self.frame.size] * self.frame.size, 0.0, axis=-1)
 
-    def _add(self, first: int, last: int, row: Array, of_next: Array | None = None) -> None:
+    def _add(
+        self, first: int, last: int, row: Array, of_next: Array | None = None, kind: int = IN_EACH
+    ) -> None:
         """Add a condition that holds from one step to another one."""
         numbers = list[int]()
         for one in (row,) if of_next is None else (row, of_next):
@@ -75,7 +79,8 @@ class StepConditions:
             numbers.append(len(self._rows))
             self._rows.append(one)
         if first <= last and np.abs(self._rows[numbers[0]]).max() > 0:
-            self._conditions.append((numbers[0], numbers[1] if numbers[1:] else -1, first, last, 0))
+            then = numbers[1] if numbers[1:] else -1
+            self._conditions.append((numbers[0], then, first, last, kind))
 
     def _add_directions(self) -> None:
         """The way of what slides in each step, and its speed between steps that have nodes
@@ -112,6 +117,30 @@ class StepConditions:
                 self._add(first, last, row)
             if not self.mode.free:
                 self._add_between(sign * np.eye(len(bounds))[j], most)
+
+    def _add_ways(self, bounds: Array) -> None:
+        """How far a phase goes at most at these velocities. That follows from those of its steps,
+        of which a bound would have to price all at once."""
+        r, Z = self.frame.size, self.frame.Z
+        end = 2 * r + (self.scheme.degree - 1) * r
+        for j, sign, most in sides(bounds):
+            if self.steps > 1 and np.abs(Z[j]).max(initial=0.0) > NOTHING and self._follow:
+                row = np.zeros((3, self.width))
+                row[0, :r], row[0, end : end + r] = -sign * Z[j], sign * Z[j]
+                row[1, -1] = -most
+                self._add(0, self.steps - 1, row, kind=IN_SUM)
+
+    @property
+    def _follow(self) -> bool:
+        """Whether the mean velocity of each step is a mean of those that are bounded, with weights
+        that are not negative: steps have polynomials of as many coefficients."""
+        if not self.scheme.inside:
+            return True
+        places = np.tile(np.sort(DISCRETISATIONS[self.scheme.order - 2].nodes), (3, 1))
+        places[0, 0], places[2, -1] = places[0, :2].mean(), places[2, -2:].mean()
+        powers = np.arange(places.shape[1])
+        means = [np.linalg.solve(own[None] ** powers[:, None], 1 / (1 + powers)) for own in places]
+        return bool(np.min(means) > -NOTHING)
 
     def _places(self) -> Iterator[tuple[int, int, float]]:
         """Places in a step where the program bounds velocities: the first step that has it, the

@@ -257,7 +257,7 @@ static void price_definitions(Tree *t)
     for (int i = 0; i < p->phases; i++)
         for (int j = 0; j < p->phase[i].conditions; j++) {
             const double *of = p->phase[i].condition + 5 * j;
-            for (int k = (int)of[2]; k <= of[3] && of[4] > 0; k++)
+            for (int k = (int)of[2]; k <= of[3] && of[4] == VANISHES; k++)
                 t->priced[t->count_priced++] = (Priced){i, k, IN_STEP, j};
         }
 }

@@ -50,19 +50,24 @@ static void compare(const Phase *p, Priced at, int step, const double *y, const 
 }
 
 /* What the conditions of a step make of a state (y, h p) and its inputs; ``before`` has what their
- * first rows made of the step before, and gets that of this one. */
+ * first rows made of the step before, and gets that of this one, and ``sums`` what all rows made of
+ * the steps of the phase. */
 static void compare_rows(const Phase *p, int phase, int k, const line *rows, const double *state,
                          const double *u, int count, const Priced *priced, double *before,
-                         double *most, Priced *worst)
+                         double *sums, double *most, Priced *worst)
 {
     double now[MOST_STEP_ROWS];
     linear(p->rows, p, rows, state, u, now);
+    for (int i = 0; i < p->rows; i++)
+        sums[i] = (k ? sums[i] : 0) + now[i];
     for (int i = 0; i < p->conditions; i++) {
         const double *of = p->condition + 5 * i;
-        const int next = of[1] >= 0;
-        const double one = next ? before[(int)of[0]] : now[(int)of[0]];
+        const int next = of[1] >= 0, in_sum = of[4] == IN_SUM;
+        if (in_sum && k < of[3])
+            continue;
+        const double one = in_sum ? sums[(int)of[0]] : next ? before[(int)of[0]] : now[(int)of[0]];
         const double other = next ? now[(int)of[1]] : 0;
-        const Priced at = {phase, k - next, IN_STEP, i};
+        const Priced at = {phase, in_sum ? (int)of[2] : k - next, IN_STEP, i};
         const double excess = one + other, size = fabs(one) + fabs(other);
         if (at.node >= of[2] && at.node <= of[3] && excess > 1e-9 * size && excess > *most &&
             !is_priced(at, count, priced)) {
@@ -78,7 +83,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
 {
     const double *u = c->at.inputs;
     double state[MOST_STATE], next[MOST_STATE], inner[MOST_STATE], most = 0;
-    double rows[MOST_STEP_ROWS], shift[MOST_SHIFTS], rate[MOST_SHIFTS], time = 0;
+    double rows[MOST_STEP_ROWS], sums[MOST_STEP_ROWS], shift[MOST_SHIFTS], rate[MOST_SHIFTS], time = 0;
     int paths = 0;
     for (int i = 0; i < p->phases; i++)
         paths += p->phase[i].paths + p->phase[i].conditions;
@@ -113,7 +118,7 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
                 shifts_at(p, time + h * (k + ph->places[j]), shift, rate);
                 compare(ph, (Priced){i, k, j, 0}, k, inner, shift, count, priced, &most, worst);
             }
-            compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, &most, worst);
+            compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, sums, &most, worst);
             linear(s, ph, steps[i]->map, state, u, next);
             memcpy(state, next, sizeof state);
             u += ph->nb;

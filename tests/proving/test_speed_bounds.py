@@ -12,7 +12,10 @@ from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.proving.branch import Branch
 from dmoc.proving.global_proof import Claim
+from dmoc.proving.linear import IN_SUM, LinearProblem
+from dmoc.proving.linear_problem import linear_problem
 
 t = dynamicsymbols._t
 x, u = dynamicsymbols("x u")
@@ -160,3 +163,44 @@ def test_the_program_of_steps_is_bounded(kernels: dict[int, Kernels]) -> None:
         ).fun  # fmt: skip
         assert proof.claim is Claim.OPTIMAL
         assert proof.cost == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_ways_that_are_too_long_in_sum_are_impossible_on_fine_meshes(
+    kernels: dict[int, Kernels], order: int
+) -> None:
+    """It is 2.1 m by way of two walls, at 1.9 m/s in a second. Bounds of the velocities of single
+    steps are too many to be priced; with those of the phases the number of steps makes no
+    difference, and what is possible stays so."""
+    problem = dmoc.Problem(
+        kernels[order], start={"x": 0.3}, goal={"x": 0.4, "x_dot": 0}, sequence=["right", "left"],
+        restitution=E, final_time=1, steps=20, bounds={"x_dot": (-1.9, 1.9)},
+    )  # fmt: skip
+
+    def bounded(problem: dmoc.Problem, best: float) -> Branch:
+        branch = Branch(linear_problem(problem.in_rates()), best, 2e3, 1e-2, 1e-6, 10.0)
+        branch.run(2000)
+        return branch
+
+    assert bounded(problem, np.inf).waiting == 0
+    wide = problem.but(bounds={"x_dot": (-4, 4)}, steps=3)
+    cost = dmoc.solve(wide, starts=4).cost
+    assert 0.99 * cost <= bounded(wide, cost).bound <= cost * (1 + 1e-7)
+
+
+def test_a_proof_takes_sums_where_no_motion_is_known(
+    kernels: dict[int, Kernels], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is possible is proved with the conditions of single steps alone."""
+    taken = []
+
+    def branch_of(linear: LinearProblem) -> Any:
+        taken.append(any((phase.conditions[:, 4] == IN_SUM).any() for phase in linear.phases))
+        return Branch
+
+    monkeypatch.setattr("dmoc.proving.prove.branch_of", branch_of)
+    for most, claim in ((1.9, Claim.OPTIMAL), (0.9, Claim.IMPOSSIBLE)):
+        bounds = {"x_dot": (-2, most), "u": (-50, 50)}
+        problem = there(kernels[2], most, steps=4, bounds=bounds)
+        assert dmoc.prove(problem, seconds=5).claim is claim
+    assert taken == [False, True]
