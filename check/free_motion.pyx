@@ -8,6 +8,7 @@ takes a fifth of the time.
 """
 from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, pow, sqrt
 from libc.stdlib cimport qsort
+from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
 from elimination cimport factor, largest_column, shortest, solve, squares, turn_columns
@@ -122,7 +123,7 @@ cdef class FreeMotion(FreeRun):
 
     def _read(self, par, motions, check_time):
         """Take motions, and what is called now and then."""
-        self.check_time = check_time
+        self.check_time, self.looked_at = check_time, 0
         *states, rates, constant = motions
         self.load(par, states)
         self.limit(rates, constant)

@@ -7,8 +7,11 @@ cdef enum:
     THIRD = 14
     SUMS = 15
     TERMS = 80       # of all sums, at most
-    ATTENTION = 256  # parts between two looks at the time
+    ATTENTION = 256  # parts between two looks at the clock
     MOST_PARTS = 64
+
+# Seconds of processor time between two looks at the time that is left, and at signals.
+cdef double PATIENCE = 0.02
 
 # Error of an integration over a step, as a share of the sizes, far below the discretisation errors
 # that are to be seen.
@@ -43,6 +46,7 @@ cdef class Method(Dynamics):
     """Integrates rows of states over steps whose inputs are linear."""
     cdef ptrdiff_t parts
     cdef bint coarse
+    cdef clock_t looked_at  # the time
     cdef object check_time
     cdef public double[::1] sizes
     cdef readonly double worst  # error of the last rows
@@ -151,11 +155,21 @@ cdef class Method(Dynamics):
         for i in range(n):
             if not finite(2 * nq, &self.y[i * width]) and finite(2 * nq, &self.start[i * width]):
                 self.error[i] = INFINITY
-        self.parts += n * count
-        if self.parts >= ATTENTION:
-            self.parts = 0
-            with gil:
-                self.check_time()
+        return self.attend(n * count)
+
+    cdef int attend(self, ptrdiff_t parts) except -1 nogil:
+        """Look at the time now and then: taking the lock of the interpreter more often would make
+        threads wait for each other."""
+        cdef clock_t now
+        self.parts += parts
+        if self.parts < ATTENTION:
+            return 0
+        self.parts, now = 0, clock()
+        if now - self.looked_at < PATIENCE * CLOCKS_PER_SEC:
+            return 0
+        self.looked_at = now
+        with gil:
+            self.check_time()
         return 0
 
     cdef int classical(self, ptrdiff_t n, ptrdiff_t width) except -1 nogil:
@@ -181,12 +195,7 @@ cdef class Method(Dynamics):
                     self.y[c] += self.span[i] / (3.0 if 0 < s < 3 else 6.0) * slope[c]
         if self.m:
             self.project_rows(n, width, &self.y[0], 3)
-        self.parts += n
-        if self.parts >= ATTENTION:
-            self.parts = 0
-            with gil:
-                self.check_time()
-        return 0
+        return self.attend(n)
 
     cdef void put(
         self, ptrdiff_t i, ptrdiff_t row, ptrdiff_t width, const double *y, const double *t,

@@ -21,6 +21,7 @@ equal parts as its error estimate asks for.  Kernels in C run without the GIL; k
 the same way.  An integrator belongs to one thread.
 """
 from libc.math cimport INFINITY, NAN, fabs, fmax, isfinite, pow, sqrt
+from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
 from elimination cimport factor, shortest, solve

@@ -66,6 +66,13 @@ class Pace:
     problems: int = 0
     seconds: float = 0.0
 
+    @classmethod
+    def of(cls, like: InitialGuess) -> Pace:
+        """That of problems that take as long as the solution at which they start."""
+        known = like.seconds if isinstance(like, Solution) else {}
+        seconds = known.get("solve", 0.0) + known.get("verify", 0.0)
+        return cls(1, seconds) if seconds > 0 else cls()
+
     def count(self, rows: Sequence[Row]) -> None:
         self.problems += len(rows)
         self.seconds += sum(row.seconds for row in rows)
@@ -223,7 +230,7 @@ def _answers(
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
     workers, executor = batch.workers, batch.executor
-    alone, pace = executor is None and workers == 1, Pace()
+    alone, pace = executor is None and workers == 1, Pace.of(of_solves[1])
     may_share = isinstance(of_solves[1], Solution) and not batch.keep
 
     def shares() -> Iterator[Share]:

@@ -283,21 +283,36 @@ def test_rows_stop_in_time_and_by_ctrl_c(
 def test_rows_that_have_passed_before_ctrl_c_are_kept(
     together: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    base, looks = pendulum(2, steps=100), list[None]()
-    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
-    problems = neighbours(base, 20, 0.02)
-
-    def interrupted(deadline: Deadline) -> None:
-        looks.append(None)
-        if len(looks) > 25:
+    class Interrupted(rows.FreeMotion):
+        def judge(self, *args: Any) -> None:
+            verdicts = args[4]
+            verdicts[:7] = rows.PASSES
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(rows, "out_of_time", interrupted)
-    batch = dmoc.solve_many(problems, guess=guess)
-    solved = batch.counts["solved"]
-    assert 0 < solved < 19
-    assert batch.counts == {"solved": solved, "interrupted": 1, "not_tried": 19 - solved}
-    assert batch.status[:solved] == ("solved",) * solved
+    base = pendulum(2)
+    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
+    monkeypatch.setattr(rows, "FreeMotion", Interrupted)
+    batch = dmoc.solve_many(neighbours(base, 20, 0.02), guess=guess)
+    assert batch.status[:8] == (*("solved",) * 7, "interrupted")
+    assert batch.counts == {"solved": 7, "interrupted": 1, "not_tried": 12}
+
+
+def test_the_first_share_is_as_large_as_the_guess_was_quick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    base, sizes, solved = pendulum(2), list[int](), many.solve_share
+    guess = dmoc.solve(base, "ipm", starts=1)
+
+    def counted(share: many.Share) -> list[Row]:
+        sizes.append(len(share.problems))
+        return solved(share)
+
+    monkeypatch.setattr(many, "solve_share", counted)
+    for seconds, first in ((0.1, 5), (10.0, 1), (1e-6, 8)):
+        sizes.clear()
+        timed = replace(guess, seconds={"solve": seconds / 2, "verify": seconds / 2})
+        dmoc.solve_many(neighbours(base, 8, 0.02), guess=timed, verify=False)
+        assert sizes[0] == first
 
 
 def test_rows_that_are_solved_in_time_are_kept(
