@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from hypothesis import HealthCheck, settings
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from systems import block_system, landing_system, puck_system, satellite_system
+from threadpoolctl import ThreadpoolController
 
 import dmoc
 from dmoc.codegen import build, compiler
@@ -28,6 +31,7 @@ from dmoc.export import library
 from dmoc.export.page import TARGET
 from dmoc.models.registry import find
 from dmoc.report import canvas
+from dmoc.solvers import blas
 from dmoc.solving.multistart import parallel
 from dmoc.solving.multistart.effort import Effort
 
@@ -146,6 +150,21 @@ def threads(as_users: bool) -> Iterator[int]:
         if "PYTEST_XDIST_WORKER" in os.environ and not as_users:
             patch.setattr(parallel, "MOST_THREADS", 1)
         yield users
+
+
+@pytest.fixture(scope="session", autouse=True)
+def linear_algebra(as_users: bool) -> Iterator[None]:
+    """Look for libraries of linear algebra only where modules have been loaded since: beside some
+    hundred libraries of kernels that takes milliseconds, in each solve."""
+
+    @lru_cache
+    def loaded(_: int) -> ThreadpoolController:
+        return ThreadpoolController()
+
+    with pytest.MonkeyPatch.context() as patch:
+        if not as_users:
+            patch.setattr(blas, "ThreadpoolController", lambda: loaded(len(sys.modules)))
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
