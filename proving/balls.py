@@ -9,6 +9,7 @@ number, and so has everything that is made of it.
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -43,7 +44,7 @@ class Ball:
         """A ball as it is, or one around a constant."""
         if isinstance(value, Ball):
             return value
-        return cls(value, 0.0 if value == np.float32(value) else abs(value) * OF_CONSTANTS)
+        return cls(value, rounding_of(value))
 
     @classmethod
     def rounded(cls, m: Any, r: Any, error: float = ROUNDED) -> Ball:
@@ -143,6 +144,12 @@ class Truth:
 
     def __or__(self, other: Truth) -> Truth:
         return Truth(self.always | other.always, self.never & other.never)
+
+
+def rounding_of(constant: float) -> float:
+    """What rounding may have taken from a constant of the text."""
+    few_digits = (math.frexp(constant)[0] * 2.0**24).is_integer()
+    return 0.0 if few_digits else abs(constant) * OF_CONSTANTS
 
 
 def below(x: Any) -> Any:

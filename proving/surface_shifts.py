@@ -14,7 +14,7 @@ import numpy as np
 
 from dmoc.base.errors import ProblemError
 from dmoc.problem.problem import Problem
-from dmoc.proving.balls import OF_CONSTANTS
+from dmoc.proving.balls import rounding_of
 from dmoc.proving.branch import LIMITS_OF_SHIFTS, OPERATIONS, enclosed
 from dmoc.proving.kernel_text import kernels_over
 from dmoc.proving.linear import Shifts
@@ -42,7 +42,7 @@ class Term:
         """A term as it is, or a constant of the text, which may have been rounded."""
         if isinstance(value, Term):
             return value
-        off = 0.0 if value == np.float32(value) else abs(value) * OF_CONSTANTS
+        off = rounding_of(value)
         return constant(value - off, value + off)
 
     @property
@@ -240,6 +240,6 @@ def check_bounded(shifts: Shifts | None, name: str, latest: float) -> None:
         if not np.isfinite(enclosed(shifts, low, high)).all():
             raise ProblemError(
                 f"the motion of {name} has no bounds from {low:.4g} to {high:.4g} s: proofs need "
-                "surfaces whose place has three derivatives by the time until the latest final "
-                "time."
+                "intervals that contain its place and three derivatives by the time, until the "
+                "latest final time."
             )

@@ -26,7 +26,7 @@ v = x.diff()
 N = 3
 # z Q z/2 + g z + c of z = (x, x_dot, u)
 COSTS = {
-    "uphill": (np.diag([0, 0, 1.0]), np.array([2, -1 / 3, 1 / 4]), 1.0),
+    "uphill": (np.diag([0, 0, 1.0]), np.array([2, -1 / 3, 0]), 1.0),
     "mixed": (
         np.array([[10, 1, 1], [1, 2, -0.5], [1, -0.5, 1]]), np.array([3.0, -2, 0.2]), 0.0
     ),
