@@ -132,12 +132,15 @@ def check_known(
     where: str = "",
     error: ErrorKind = ProblemError,
     hint: str = "",
+    said: Callable[[list[str]], list[str]] = list,
 ) -> None:
     """Check that a name is one of those known; the message shows a hint, or the nearest of them,
-    and all of them, but for very many where there is a hint."""
+    and all of them as they are ``said``, but for very many where there is a hint."""
     names = list(among)
     if name not in names:
         import difflib  # which only a mistake needs
+
+        names = said(names)
 
         close = difflib.get_close_matches(name[:LONGEST_TEXT], names, 1)
         hint = hint or (f"did you mean {close[0]!r}?" if close else "")

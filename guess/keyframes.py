@@ -31,7 +31,7 @@ from dmoc.guess.contacts import in_contact
 from dmoc.guess.inverse_dynamics import acting
 from dmoc.guess.tracking import reflected
 from dmoc.guess.transfer import times_of_inputs
-from dmoc.mechanics.attitudes import HOW, coordinates_of, quaternion_of
+from dmoc.mechanics.attitudes import HOW, coordinates_of, quaternion_of, said_of
 from dmoc.mechanics.model_values import by_name
 from dmoc.motion.attitude import Attitude, logarithm, nearer, turned
 from dmoc.problem.design import designed
@@ -152,7 +152,10 @@ def _read(problem: Problem, guess: Any, first: int, end: int, what: str) -> Cour
     durations = named.pop(DURATIONS, None)
     names = [*problem.kernels.coordinates, *problem.kernels.inputs]
     for name in named:
-        check_known(name, [*names, DURATIONS], "coordinate or input", f"in the {what}")
+        check_known(
+            name, [*names, DURATIONS], "coordinate or input", f"in the {what}",
+            said=said_of(problem.kernels),
+        )  # fmt: skip
     return Courses(
         first,
         end,

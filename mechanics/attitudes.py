@@ -3,14 +3,14 @@ these in the place of angular velocities."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from dmoc.base.arguments import ErrorKind, array, is_number, number, shown
 from dmoc.base.errors import ProblemError
-from dmoc.base.names import omega_names, velocity_name
+from dmoc.base.names import momentum_name, omega_names, velocity_name
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.motion.attitude import Attitude, attitude, logarithm, rates, turned
 
@@ -36,6 +36,18 @@ def quaternion_of(value: Any, what: str, error: ErrorKind = ProblemError) -> Arr
         return np.array(attitude(value).quaternion)
     except ProblemError as cause:
         raise error(f"{what}: {cause}") from None
+
+
+def said_of(kernels: Kernels) -> Callable[[list[str]], list[str]]:
+    """How messages list names: attitudes and angular velocities in the place of coordinates of
+    quaternions and their rates, without their momenta."""
+    instead = dict[str, tuple[str, ...]]()
+    for name in kernels.manifest.attitudes:
+        own = coordinates_of(kernels, name)
+        for of in (str, velocity_name, momentum_name):
+            instead |= {of(q): () for q in own}
+        instead |= {own[0]: (name,), velocity_name(own[0]): omega_names(name)}
+    return lambda names: list(dict.fromkeys(n for q in names for n in instead.get(q, (q,))))
 
 
 def in_coordinates(

@@ -12,7 +12,7 @@ from dmoc.base.arguments import array, check_known, is_number, number, shown
 from dmoc.base.errors import ProblemError
 from dmoc.base.names import velocity_name
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.attitudes import in_coordinates, in_rates
+from dmoc.mechanics.attitudes import in_coordinates, in_rates, said_of
 from dmoc.mechanics.conditions import (
     GAPS,
     JOINTS,
@@ -57,7 +57,10 @@ def read_state(problem: Problem, state: Any) -> MeasuredState:
         entries = in_coordinates(problem.kernels, by_name(state, "state"), "state")
         entries = in_rates(problem.kernels, entries, entries, "state")
         for name in entries:
-            check_known(name, [*names, *rates], "coordinate or velocity", "in the state")
+            check_known(
+                name, [*names, *rates], "coordinate or velocity", "in the state",
+                said=said_of(problem.kernels),
+            )  # fmt: skip
         missing = [name for name in names if name not in entries]
         if missing:
             raise ProblemError(

@@ -23,7 +23,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import bounded_momentum, load_of, momentum_name, velocity_name
 from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.attitudes import in_coordinates
+from dmoc.mechanics.attitudes import in_coordinates, said_of
 from dmoc.mechanics.model_values import by_name
 from dmoc.mechanics.phase_models import ENDS
 from dmoc.problem.attitudes import with_pitches
@@ -277,7 +277,7 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
     velocities = [velocity_name(q) for q in coordinates]
     momenta = [momentum_name(q) for q in coordinates]
     for name in state:
-        check_known(name, *names_in(problem, end), f"at the {end}")
+        check_known(name, *names_in(problem, end), f"at the {end}", said=said_of(problem.kernels))
     position, velocity, momentum = (
         np.array([_of_state(state.get(name), f"{end} of {name}") for name in names])
         for names in (coordinates, velocities, momenta)
@@ -286,9 +286,11 @@ def boundary_of(problem: Problem, end: str) -> Boundary:
         said = {*state, *(name for r in problem.relations for name in r.starts)}
         left = [i for i, q in enumerate(coordinates) if q not in said]
         if not places_follow(problem, left):
+            first = coordinates[left[0]]
+            name, *_ = (*said_of(problem.kernels)([first]), first)
+            what = "a number, a range" if name == first else "an attitude"
             raise ProblemError(
-                f"the start of {coordinates[left[0]]} is not given: give a number, a range, or "
-                "None to leave it free."
+                f"the start of {name} is not given: give {what}, or None to leave it free."
             )
         rates = enumerate(zip(velocities, momenta, strict=True))
         still = [i for i, names in rates if not said & {*names}]

@@ -12,7 +12,7 @@ from dmoc.base.errors import ProblemError
 from dmoc.base.names import name_of
 from dmoc.base.records import value_class
 from dmoc.codegen.kernels import Array
-from dmoc.mechanics.attitudes import coordinates_of, on_sphere
+from dmoc.mechanics.attitudes import coordinates_of, on_sphere, said_of
 from dmoc.mechanics.model_values import by_name
 from dmoc.problem.quantities import onto_quantities
 from dmoc.problem.ranges import midpoints, names_in
@@ -109,7 +109,8 @@ def _relation(problem: Problem, end: str, value: Any) -> Relation:
 
 
 def _check_known(problem: Problem, name: str) -> None:
-    check_known(name, *names_in(problem, "start"), "in periodic")
+    said = said_of(problem.kernels)
+    check_known(name, *names_in(problem, "start"), "in periodic", said=said)
 
 
 def _signed(name: str) -> dict[str, float]:

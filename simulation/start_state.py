@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from dmoc.base.arguments import array, check_known, number, shown
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import omega_names, velocity_name
 from dmoc.codegen.kernels import Array, Kernels
-from dmoc.mechanics.attitudes import coordinates_of, in_coordinates, in_rates
+from dmoc.mechanics.attitudes import coordinates_of, in_coordinates, in_rates, said_of
 from dmoc.mechanics.model_values import by_name
 
 
@@ -25,7 +25,8 @@ def state_of(kernels: Kernels, position: Any, velocity: Any) -> tuple[Array, Arr
         for name in kernels.manifest.attitudes:
             own = coordinates_of(kernels, name)
             position |= {} if {*own} & {*position} else {own[0]: 1.0}
-    q = vector(position, names, "position")
+    said = said_of(kernels)
+    q = vector(position, names, "position", said=said)
     if velocity is None:
         return q, np.zeros(len(names))
     if isinstance(velocity, Mapping):
@@ -36,18 +37,21 @@ def state_of(kernels: Kernels, position: Any, velocity: Any) -> tuple[Array, Arr
         places = dict(zip(names, q.tolist(), strict=True))
         velocity = in_rates(kernels, stated, places, "velocity", SimulationError)
     rates = [velocity_name(name) for name in names]
-    return q, vector(velocity, names, "velocity", rates)
+    return q, vector(velocity, names, "velocity", rates, lambda _: said(rates))
 
 
-def vector(values: Any, names: Sequence[str], what: str, other: Sequence[str] = ()) -> Array:
+def vector(
+    values: Any, names: Sequence[str], what: str, other: Sequence[str] = (),
+    said: Callable[[list[str]], list[str]] = list,
+) -> Array:  # fmt: skip
     """Numbers by coordinate, shape (names,), of which a mapping leaves out zeros; ``other`` are
-    further names that the coordinates have in it."""
+    further names that the coordinates have in it, ``said`` those that messages list."""
     numbers = values
     if isinstance(values, Mapping):
         columns = {name: j for j, name in (*enumerate(other), *enumerate(names))}
         by_column: dict[int, Any] = {}
         for name, value in by_name(values, what, SimulationError).items():
-            check_known(name, columns, "coordinate", f"in {what}", SimulationError)
+            check_known(name, columns, "coordinate", f"in {what}", SimulationError, said=said)
             if columns[name] in by_column:
                 raise SimulationError(
                     f"{what} gives {names[columns[name]]!r} twice, also as {name!r}: give it once."

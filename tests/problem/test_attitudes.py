@@ -9,7 +9,7 @@ import pytest
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.base.errors import ProblemError
+from dmoc.base.errors import DmocError, ProblemError
 from dmoc.codegen.kernels import Kernels
 from dmoc.motion.attitude import rates
 from dmoc.problem.attitudes import STEEPEST, with_goal_of
@@ -18,6 +18,7 @@ UPRIGHT = dmoc.attitude((1, 0, 0, 0))
 TURNED = dmoc.attitude(axis=(0, 1, 0), angle=2.0)
 REST = {f"q_omega_{axis}": 0 for axis in "xyz"}
 Mesh: dict[str, Any] = {"steps": 4, "final_time": 1.0}
+STEPS: dict[str, Any] = {"step_size": 0.1, "steps": 2}
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -72,7 +73,8 @@ def test_attitudes_are_named_in_periodic_and_via(satellite: Kernels) -> None:
         ),
         ({"goal": {"q": 3}}, "goal of q = 3: expected an attitude"),
         ({"goal": {"q1": 2, "q0": 0}}, "constraint 'q_unit' does not hold at the goal|q1"),
-        ({}, "the start of q0 is not given"),
+        ({}, "the start of q is not given: give an attitude, or None to leave it free"),
+        ({"start": {"q0": 1}}, "the start of q1 is not given: give a number, a range, or None"),
     ],
 )
 def test_a_wrong_attitude_is_one_sentence(
@@ -83,6 +85,23 @@ def test_a_wrong_attitude_is_one_sentence(
         stated["goal"] |= {"q2": 0, "q3": 0}
     with pytest.raises(ProblemError, match=message):
         dmoc.Problem(satellite, **stated, **Mesh)
+
+
+def test_messages_list_attitudes_and_no_coordinates_of_quaternions(satellite: Kernels) -> None:
+    """Nor rates and momenta of these."""
+    spins = "q_omega_x, q_omega_y, q_omega_z"
+    stated: dict[str, Any] = {"start": {"q": UPRIGHT}, **Mesh}
+    still = dmoc.Problem(satellite, **stated)
+    for call, message in (
+        (lambda: still.but(goal={"r": 0}), f"'r' at the goal: expected one of q, {spins}."),
+        (lambda: still.but(start={"q": None}, periodic=["r"]), f"in periodic: .* of q, {spins}."),
+        (lambda: dmoc.simulate(satellite, {"r": 0}, **STEPS), "in position: expected one of q."),
+        (lambda: dmoc.simulate(satellite, {}, {"q1_do": 0}, **STEPS),
+         f"in velocity: expected one of {spins}."),
+        (lambda: dmoc.solve(still, guess={"r": 0}), "expected one of q, .*, durations"),
+    ):  # fmt: skip
+        with pytest.raises(DmocError, match=message):
+            call()
 
 
 # Euler angles -------------------------------------------------------------------------------------
