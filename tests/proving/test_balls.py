@@ -101,10 +101,12 @@ def test_results_are_not_much_wider_than_their_arguments() -> None:
 def test_what_has_no_bounds_has_an_infinite_radius(off: float) -> None:
     f, zero = BallFunctions, Ball(np.array([off]), np.array([1e-2]))
     one, minus = 1.0 + zero, Ball(np.array([-1.0]), np.array([0.0]))
+    wide = Ball(np.array([1.5]), np.array([3.0]))  # the slope of arccosh has numbers at both ends
     with np.errstate(all="ignore"):
         results = [
             1.0 / zero, f.sqrt(zero), f.log(zero), f.power(zero, 0.5), f.arcsin(one), f.arccos(one),
-            f.arccosh(one), f.arctanh(one), f.arctan2(zero, minus), f.arctan2(zero, zero),
+            f.arccosh(one), f.arccosh(wide), f.arctanh(one), f.arctan2(zero, minus),
+            f.arctan2(zero, zero),
         ]  # fmt: skip
         for result in results:
             assert not result.r[0] < np.inf

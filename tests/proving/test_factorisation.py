@@ -10,7 +10,7 @@ import scipy.sparse
 
 from dmoc.codegen.kernels import Array
 from dmoc.proving.enclosure import Inverse, radii
-from dmoc.proving.factorisation import SignedFactors, _without
+from dmoc.proving.factorisation import WIDTH, SignedFactors, _without
 
 
 def banded(seed: int, size: int, off: float = 0.0) -> Array:
@@ -110,3 +110,14 @@ def test_the_root_of_two_lies_within_its_radius() -> None:
     # Where slopes vary too much, nothing is said.
     steep = scipy.sparse.csr_matrix(5 * np.ones((2, 2)))
     assert radii(inverse, F, lambda r: steep) is None
+
+
+def test_errors_of_all_blocks_are_summed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What elimination loses of three blocks counts once each, and is stretched by each rotation
+    before it."""
+    A = upper(banded(3, 3 * WIDTH, 4.0))
+    plain = SignedFactors(A).error
+    monkeypatch.setattr(f"{SignedFactors.__module__}._without", lambda *of: (_without(*of)[0], 1.0))
+    assert SignedFactors(A).error == pytest.approx(3 + plain, abs=1e-6)
+    monkeypatch.setattr(f"{SignedFactors.__module__}._off_orthogonal", lambda _: 0.25)
+    assert SignedFactors(A).error == pytest.approx(1 + 1.25 + 1.25**2, abs=1e-6)
