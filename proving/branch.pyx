@@ -33,7 +33,6 @@ cdef extern from "tree.h" nogil:
         const double *most
         const double *since
         const double *moves
-        const double *places
         int rows, conditions
         const double *S
         int cost
@@ -144,7 +143,7 @@ cdef class Branch:
                 self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
                 self._numbers(phase.most), self._numbers(phase.since),
-                self._numbers(phase.moves), self._numbers(phase.places), len(phase.S),
+                self._numbers(phase.moves), len(phase.S),
                 len(phase.conditions), self._numbers(phase.S), phase.cost, self._numbers(phase.conditions),
             )
         for i, event in enumerate(linear.events):

@@ -118,7 +118,7 @@ double shift_along(const Problem *p, const Centre *c, const Steps *const *steps,
     double values[MOST_SHIFTS], rates[MOST_SHIFTS], time = 0;
     for (int j = 0; j < i; j++)
         time += interval_mid(steps[j]->h.v0) * p->phase[j].steps;
-    const double passed = interval_mid(steps_until(p->phase + i, at));
+    const double passed = at->node;
     shifts_at(p, time + interval_mid(steps[i]->h.v0) * passed, values, rates);
     *along = (Along){rates[shift], passed / p->phase[i].steps};
     return values[shift];

@@ -105,7 +105,7 @@ static void add_along(const Engine *e, const Frame *f, int phase, const Steps *s
         const int shift = shift_of(ph, at);
         if (shift < 0)
             continue;
-        const interval share = interval_div(steps_until(ph, at), interval_of(ph->steps));
+        const interval share = interval_div(interval_of(at->node), interval_of(ph->steps));
         clock_at(f, phase, share, t, box, &dual->clock);
         shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
         multiplier_model(&e->centre, f, e->centre.first_priced + steps->which[k], &dual->price);

@@ -32,8 +32,8 @@ class LinearPhase:
     """The steps of a phase; ``P`` has the shape (3, na + r, r + na + nb + 1), ``R`` (nb, nb),
     bounds of the inputs (nb,), and ``paths`` y <= ``most`` holds inside the steps from number
     ``since`` on and at their ends, shapes (rows, r), (rows,) and (rows,); to a path that ``moves``,
-    (rows,), the shift of that number is added, if it is not negative, at the time of the node;
-    ``places`` are those of the nodes inside a step.  ``S``, shape (m, 3, 2 r
+    (rows,), the shift of that number is added, if it is not negative, and it holds at the ends of
+    steps alone.  ``S``, shape (m, 3, 2 r
     + na + nb + 1), are rows of a step, and ``conditions``, shape (conditions, 5), one of them with
     one of the next step, or -1, whose sum is not positive, in which steps, from the first one to
     the last; where a fifth number is 1, it vanishes, where it is ``IN_SUM``, that is the sum of the
@@ -52,7 +52,6 @@ class LinearPhase:
     most: Array
     since: Array
     moves: Array
-    places: Array
     S: Array
     conditions: Array
     squares: int = 0

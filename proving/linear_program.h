@@ -40,7 +40,6 @@ typedef struct {
     const double *path, *most;  /* (paths, r), (paths,): path y <= most */
     const double *since;        /* (paths,): the step from which on it holds, inside and at its end */
     const double *moves;        /* (paths,): the shift that is added to path y, or -1 */
-    const double *places;       /* (inside,): of nodes inside a step, from 0 to 1 */
     int rows, conditions;
     const double *S;            /* (rows, 3, 2 r + na + nb + 1): rows (S_0 + h S_1 + h^2 S_2) of
                                    (y, h p, a, u, 1) in a step */
@@ -89,15 +88,10 @@ typedef struct {
     int phase, node, inside, path;
 } Priced;
 
-/* The shift that a condition along a phase has, or -1; where it stands, in steps from its start. */
+/* The shift that a condition along a phase has, or -1. */
 static inline int shift_of(const Phase *phase, const Priced *at)
 {
     return at->inside == IN_STEP ? -1 : (int)phase->moves[at->path];
-}
-static inline interval steps_until(const Phase *phase, const Priced *at)
-{
-    const interval node = interval_of(at->node);
-    return at->inside < 0 ? node : interval_add(node, interval_of(phase->places[at->inside]));
 }
 
 /* What one input of one step does at the multipliers of the centre. */

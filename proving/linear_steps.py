@@ -55,7 +55,7 @@ class LinearSteps:
         low, high = bounds.T
         phase = LinearPhase(
             p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
-            since, moves, p.scheme.nodes[2:], asked.S, asked.conditions,
+            since, moves, asked.S, asked.conditions,
         )  # fmt: skip
         squares = squares_of(self.state_cost, frame, p.scheme, self._form)
         return with_squares(phase, squares, self._heavy)

@@ -35,6 +35,8 @@ static void compare(const Phase *p, Priced at, int step, const double *y, const 
 {
     for (at.path = 0; at.path < p->paths; at.path++) {
         const int moved = shift_of(p, &at);
+        if (moved >= 0 && at.inside >= 0)
+            continue; /* the program keeps what moves away from the ends of steps alone */
         double excess = (moved < 0 ? 0 : shift[moved]) - p->most[at.path], size = fabs(excess);
         if (step < p->since[at.path])
             continue;
@@ -115,7 +117,6 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
                 break;
             for (int j = 0; j < inside; j++) {
                 linear(r, ph, steps[i]->inner + j * r * m, state, u, inner);
-                shifts_at(p, time + h * (k + ph->places[j]), shift, rate);
                 compare(ph, (Priced){i, k, j, 0}, k, inner, shift, count, priced, &most, worst);
             }
             compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, sums, &most, worst);

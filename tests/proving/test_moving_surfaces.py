@@ -231,11 +231,16 @@ def test_gaps_to_what_moves_hold_along_phases() -> None:
                 assert branch.bound == pytest.approx(cost, rel=1e-5)
 
 
-def test_nodes_inside_steps_keep_away_from_what_moves() -> None:
-    problem = rising_floor(4, steps=3)
+def test_the_ends_of_steps_alone_keep_away_from_what_moves() -> None:
+    problem = rising_floor(4, steps=2)
     proof = dmoc.prove(problem, 1e-3)
     assert proof.claim is Claim.OPTIMAL and proof.left_out == ()
     linear = linear_problem(problem.in_rates())
+    best = np.array([phase.duration for phase in proof.solution.phases])[:, None]
+    there = replace(linear, durations=best * np.array([1 - 1e-9, 1 + 1e-9]), final_time=(0.1, 3.0))
+    branch = Branch(there, np.inf, 1e9, 1e-9, 1e-9, 100.0)
+    branch.run(20)
+    assert branch.bound == pytest.approx(proof.cost, rel=1e-6)
     branch = Branch(without_gaps(linear), np.inf, 1e9, 1e-4, 1e-9, 100.0)
     branch.run(2000)
     assert branch.bound < 0.9 * proof.bound  # the floor is in the way
