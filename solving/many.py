@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,10 +26,10 @@ from dmoc.solvers.outcome import Status
 from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.row import Row, row_of
-from dmoc.solving.rows import solved_rows
+from dmoc.solving.rows import FEWEST, solved_rows
 from dmoc.solving.solve import solved
 from dmoc.solving.starts import InitialGuess, loaded
-from dmoc.solving.workforce import NoMoreWork, Work, workforce
+from dmoc.solving.workforce import NoMoreWork, Work, in_executor, workforce
 
 # Problems travel to a worker together, at most so many, if they take it no longer than this by what
 # those before them took: slow ones one by one, so that none waits long for the last.
@@ -122,9 +122,10 @@ def solve_many(
     method : str, optional
         As in :func:`dmoc.solve`; by default "ipm", or "slsqp" if some kernels are not compiled.
     workers : int
-        Processes of this machine: most of a small problem is Python, which runs in one thread at a
-        time.  They run a script only where ``guess`` is a function of it, which then needs
-        ``if __name__ == "__main__":``.
+        Threads for neighbours of the solution ``guess`` that compiled code solves together.  For
+        all others processes of this machine: most of a small problem is Python, which runs in one
+        thread at a time.  They run a script only where ``guess`` is a function of it, which then
+        needs ``if __name__ == "__main__":``.
     executor : concurrent.futures.Executor, optional
         Where problems are solved instead: ``Client(...).get_executor()`` of dask.distributed, or a
         ``ThreadPoolExecutor`` for large problems, whose compiled solves run side by side.
@@ -229,29 +230,61 @@ def _answers(
     stack: ExitStack,
 ) -> Iterator[list[Row]]:
     """Rows as they come."""
-    workers, executor = batch.workers, batch.executor
-    alone, pace = executor is None and workers == 1, Pace.of(of_solves[1])
-    may_share = isinstance(of_solves[1], Solution) and not batch.keep
+    workers, executor, guess = batch.workers, batch.executor, of_solves[1]
+    like = guess if isinstance(guess, Solution) and not batch.keep else None
+    here, pace = executor is None and workers == 1, Pace.of(guess)
 
-    def shares() -> Iterator[Share]:
+    def shares(numbers: Sequence[int], least: int = 1) -> Iterator[Share]:
         begin = 0
-        while begin < len(problems) and not deadline.passed:
-            left = len(problems) - begin  # each worker gets some of them
-            size = min(pace.together, left if alone else left // (2 * workers) + 1)
-            size = 1 if alone and not may_share else size
-            part = tuple((i, problems[i]) for i in range(begin, begin + size))
+        while begin < len(numbers) and not deadline.passed:
+            if pace.together < least:
+                return
+            left = len(numbers) - begin  # each worker gets some of them
+            size = min(pace.together, left if here else left // (2 * workers) + 1)
+            size = 1 if here and like is None else max(size, least)
+            part = tuple((i, problems[i]) for i in numbers[begin : begin + size])
             yield Share(part, *of_solves, batch.keep, deadline)
             begin += size
 
-    if alone:
-        answers: Iterator[list[Row]] = map(solve_share, shares())
+    numbers, late = list(range(len(problems))), Deadline(deadline.at + UNDER_WAY)
+    if like is not None and executor is None and not here:
+        done = set[int]()
+        for rows in _in_threads(shares(numbers, FEWEST), workers, late):
+            pace.count(rows)
+            done.update(row.number for row in rows)
+            yield rows
+        numbers = [i for i in numbers if i not in done]
+        here = len(numbers) <= workers  # processes would take longer to start
+    if here:
+        answers: Iterator[list[Row]] = map(solve_share, shares(numbers))
     else:
         work = Work(solve_share, _lost, _again, lambda share: share.deadline.left)
         others = stack.enter_context(workforce(workers, executor))
-        answers = others(work, shares(), Deadline(deadline.at + UNDER_WAY))
+        answers = others(work, shares(numbers), late)
     for rows in answers:
         pace.count(rows)
         yield rows
+
+
+def _in_threads(shares: Iterator[Share], workers: int, deadline: Deadline) -> Iterator[list[Row]]:
+    """Rows of neighbours, which take compiled code nearly alone, until a share has none."""
+    hopeless = False
+
+    def promising() -> Iterator[Share]:
+        while not hopeless and (share := next(shares, None)) is not None:
+            yield share
+
+    work = Work[Share, list[Row]](
+        lambda share: list(_together(share)),
+        lambda share, why: [],
+        lambda share, rows: (),
+        lambda share: share.deadline.left,
+    )
+    with ThreadPoolExecutor(workers) as threads:
+        for rows in in_executor(threads, work, promising(), deadline):
+            hopeless = not rows
+            if rows:
+                yield rows
 
 
 def solve_share(share: Share) -> list[Row]:

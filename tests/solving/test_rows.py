@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -295,6 +296,43 @@ def test_rows_that_have_passed_before_ctrl_c_are_kept(
     batch = dmoc.solve_many(neighbours(base, 20, 0.02), guess=guess)
     assert batch.status[:8] == (*("solved",) * 7, "interrupted")
     assert batch.counts == {"solved": 7, "interrupted": 1, "not_tried": 12}
+
+
+def test_threads_solve_rows_and_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No process is started for one problem that is left over."""
+    base = pendulum(2)
+    guess = dmoc.solve(base, "ipm", starts=1)
+    problems = [*neighbours(base, 30, 1e-3), base.but(steps=(6, 9))]
+    one = dmoc.solve_many(problems, guess=guess)
+    monkeypatch.setattr(many, "workforce", None)
+    for workers in (2, 3):
+        several = dmoc.solve_many(problems, guess=guess, workers=workers)
+        assert [getattr(several, name) for name in WORDS] == [getattr(one, name) for name in WORDS]
+        for name in NUMBERS:
+            assert getattr(several, name).tobytes() == getattr(one, name).tobytes()
+
+
+def test_what_threads_do_not_solve_is_left_to_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also what comes behind a share in which nothing is a row."""
+    base, given = pendulum(2), list[int]()
+    guess = dmoc.solve(base, "ipm", starts=1)
+    problems = [base.but(steps=(6, 9 + k)) for k in range(4)] + neighbours(base, 8, 0.02)
+    solved = many.solve_share
+
+    @contextmanager
+    def counted(workers: int, executor: None) -> Iterator[Any]:
+        def answers(work: Any, shares: Iterator[many.Share], deadline: Deadline) -> Iterator[Any]:
+            for share in shares:
+                given.extend(number for number, _ in share.problems)
+                yield solved(share)
+
+        yield answers
+
+    monkeypatch.setattr(many, "workforce", counted)
+    monkeypatch.setattr(many.Pace, "together", 3)
+    batch = dmoc.solve_many(problems, guess=guess, workers=2, verify=False)
+    assert batch.counts == {"solved": 12}
+    assert given[:4] == [0, 1, 2, 3] and len(set(given)) == len(given)
 
 
 def test_the_first_share_is_as_large_as_the_guess_was_quick(
