@@ -254,7 +254,7 @@ def _answers(
             done.update(row.number for row in rows)
             yield rows
         numbers = [i for i in numbers if i not in done]
-        here = len(numbers) <= workers  # processes would take longer to start
+        here = len(numbers) <= workers or deadline.passed  # processes would take longer to start
     if here:
         answers: Iterator[list[Row]] = map(solve_share, shares(numbers))
     else:
