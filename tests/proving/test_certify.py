@@ -16,7 +16,7 @@ from systems import block_system, there_and_back, unit_mass
 import dmoc
 from dmoc.base.errors import ProblemError
 from dmoc.base.table import plain
-from dmoc.codegen.kernels import Kernels
+from dmoc.codegen.kernels import Array, Kernels
 from dmoc.proving.active_set import first_set, followed, sharpened
 from dmoc.proving.enclosure import Inverse, radii
 from dmoc.proving.factorisation import SignedFactors
@@ -286,6 +286,24 @@ def test_the_bounds_hold_for_every_motion_within_the_radii(mass: Kernels) -> Non
     apart = np.concatenate([np.abs(z - point.x), np.zeros(len(point.y))])[point.system.order]
     low, high = Near(nlp, point, exact, apart * (1 + 1e-9) + 1e-12).cost
     assert low < solution.cost < solution.cost + 1e-2 < nlp.cost(z) * nlp.scale.cost <= high
+
+
+def test_what_is_kept_is_kept_by_every_motion_within_the_radii(mass: Kernels) -> None:
+    """The force of the best motion for another cost comes nearer to its limit."""
+    problem = stated(mass, bounds={"u": (-6.5, 6.5)})
+    solution, other = (dmoc.solve(problem.but(parameters={"k": k}), starts=1) for k in (0.0, 9.0))
+    nlp, duals = at_solution(problem, solution)
+    point = sharpened(nlp, nlp.scaled(solution.unknowns), duals)
+    exact = point.system.enclosed(point.x, point.y, np.zeros(point.system.size))
+    z, low, high = nlp.scaled(other.unknowns), nlp.lower, nlp.upper
+    free = low < high
+
+    def left(x: Array) -> float:
+        return float(np.minimum(x - low, high - x)[free].min())
+
+    apart = np.concatenate([np.abs(z - point.x), np.zeros(len(point.y))])[point.system.order]
+    assert left(z) < left(point.x) - 1e-3
+    assert Near(nlp, point, exact, apart * (1 + 1e-9) + 1e-12).slack <= left(z)
 
 
 def test_a_program_that_is_too_large_is_named(
