@@ -64,7 +64,7 @@ def solved_rows(
     for numbers in _forms(problems).values():
         first = problems[numbers[0]][1]
         fits = _asks_for_it(first, keywords) and _is_free(first) and _starts_there(first, guess)
-        if len(numbers) < FEWEST or not fits:
+        if len(numbers) < FEWEST or not fits or deadline.passed:
             continue
         begin = time.perf_counter()
         with np.errstate(all="ignore"):
