@@ -11,11 +11,13 @@ import numpy as np
 from dmoc.base.errors import ProblemError
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.problem.problem import Problem
 from dmoc.proving.linear import LinearEvent, Rows
 from dmoc.proving.linear_model import Frame, LinearModel
-from dmoc.proving.step_conditions import sides, told
+from dmoc.proving.shared_forces import told_of
+from dmoc.proving.step_conditions import sides
 
 # A value that a mode decides, in the coordinates of the mode.
 DECIDED = 1e-12
@@ -118,6 +120,13 @@ def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> It
         yield model.rows(before, 0 * row, row @ impact.jump, np.zeros(1), row @ impact.offset)
 
 
+def directions(model: LinearModel, frame: Frame, mode: Mode) -> list[Rows]:
+    """What slides in a mode does so in its direction."""
+    ways = (-way[None] for _, way in model.ways(mode))
+    rows = (model.rows(frame, 0 * row, row, np.zeros(1)) for row in ways)
+    return [row for row in rows if not _is_decided(row)]
+
+
 def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
     """Velocities on both sides of an event are within their bounds; what it does not change is
     said once."""
@@ -130,12 +139,13 @@ def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]
 
 
 def _impulses(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
-    """What takes an impulse only pushes, and takes no more than its friction along it; the impulse
-    of one surface alone does so."""
-    if len(impact.pushes) > 1 and told(impact.pushes):
+    """What takes an impulse only pushes, and takes no more than its friction along it, in sum where
+    surfaces share theirs; the impulse of one surface alone does so."""
+    if len(impact.pushes) > 1:
         none = np.zeros((1, model.problem.nq))
-        for row in model.cones(impact.surfaces, impact.tangents):
-            row = row[None]
+        cones = ((row, 0.0) for row in model.cones(impact.surfaces, impact.tangents))
+        for cone, _ in told_of(impact.pushes, cones):
+            row = cone[None]
             yield model.rows(before, none, row @ impact.by_v, np.zeros(1), row @ impact.by)
 
 

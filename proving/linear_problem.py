@@ -14,12 +14,11 @@ from dmoc.program.bounds import shortest_durations
 from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.coverage import check_covered
 from dmoc.proving.linear import LinearProblem, Rows, through
-from dmoc.proving.linear_events import DECIDED, add_range, coordinate, event_of, rate
+from dmoc.proving.linear_events import DECIDED, add_range, coordinate, directions, event_of, rate
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
 from dmoc.proving.recognition import check_linear
 from dmoc.proving.state_costs import cost_of_end
-from dmoc.proving.step_conditions import told
 
 # The shortest phase, relative to the final time, where the program knows none.
 SHORTEST = 1e-8
@@ -51,7 +50,7 @@ def linear_problem(problem: Problem) -> LinearProblem:
         np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
         zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
         problem.final_time_bounds, model.shifts, model.sizes, np.diag(model.M),
-        _left_out(model, frames, steps),
+        _left_out(model, steps),
     )  # fmt: skip
 
 
@@ -62,17 +61,15 @@ def _durations(problem: Problem) -> Array:
     return np.stack([np.maximum(low, SHORTEST * latest), np.minimum(high, latest)], axis=1)
 
 
-def _left_out(model: LinearModel, frames: list[Frame], steps: LinearSteps) -> tuple[str, ...]:
+def _left_out(model: LinearModel, steps: LinearSteps) -> tuple[str, ...]:
     """Conditions that no bound takes into account: without them it is still one."""
     p = model.problem
     others = [name for j, name in enumerate(p.kernels.surfaces) if j not in model.flat]
-    untold = not all(told(frame.pushes) for frame in frames)
     rates = {*map(velocity_name, p.kernels.coordinates)}
     return (
         *(f"the gap to {name} along phases" for name in others),
         *(f"bounds of {name}" for name in p.limits if name not in rates),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
-        *(("forces that the motion does not tell",) if untold else ()),
         *(("that what leaves does not press any more",) if liftoffs_of(p) else ()),
         *(("that steps share inputs where they meet",) if steps.parts_inputs else ()),
     )
@@ -193,6 +190,8 @@ def _goal(model: LinearModel, frame: Frame) -> tuple[list[Rows], list[Rows]]:
             (bounds.momentum[j], _impetus),
         ):
             add_range(zero, most, low, high, partial(row, model, frame, j))
+    if not model.problem.ends_with_event:
+        most += directions(model, frame, model.problem.touch.modes[-1])
     return zero, most
 
 

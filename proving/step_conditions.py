@@ -20,6 +20,7 @@ from dmoc.mechanics.contacts import RAIL
 from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.linear import IN_EACH, IN_SUM
 from dmoc.proving.linear_model import Frame, LinearModel
+from dmoc.proving.shared_forces import forces_of, told_of
 
 # Coefficients below this share of the largest of their row are rounding errors.
 NOTHING = 1e-12
@@ -53,8 +54,7 @@ class StepConditions:
         self._add_ways(p.velocity_bounds)
         if not self.mode.free:
             self._add_directions()
-            if told(frame.pushes):
-                self._add_forces(_momenta(model, frame, P, self._wide))
+            self._add_forces(_momenta(model, frame, P, self._wide))
 
     @property
     def S(self) -> Array:
@@ -158,12 +158,13 @@ class StepConditions:
         yield last, last, sum(places[-2:]) / 2
 
     def _add_forces(self, momenta: Momenta) -> None:
-        """The forces of all pushes, each where steps meet, or at the ends of each step of its
-        own."""
+        """The forces of all pushes, or sums of those that contacts share, each where steps meet, or
+        at the ends of each step of its own."""
         last = self.steps - 1
-        inverse = np.linalg.pinv(self.frame.pushes.T)
+        pushes = self.frame.pushes
+        inverse = forces_of(pushes)
         first_share, *shares, _ = self.scheme.weights
-        for cone, limit in self._cones():
+        for cone, limit in told_of(pushes, self._cones()):
 
             def row(rows: Array, share: float, cone: Array = cone, limit: float = limit) -> Array:
                 own = -(cone @ inverse) @ rows
@@ -202,11 +203,6 @@ def sides(bounds: Array) -> Iterator[tuple[int, float, float]]:
             yield j, 1.0, high
         if np.isfinite(low):
             yield j, -1.0, -low
-
-
-def told(pushes: Array) -> bool:
-    """Whether the motion tells how strong each push is."""
-    return len(pushes) == 0 or int(np.linalg.matrix_rank(pushes)) == len(pushes)
 
 
 def _momenta(model: LinearModel, frame: Frame, P: Array, wide: Callable[[Array], Array]) -> Momenta:
