@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+# Where a solve states hits in energies (theory, law).
+IN_RATES = "with hits stated in the rates of the gaps"
+
+
 class Claim(enum.StrEnum):
     """What a proof shows of the motions of a sequence."""
 
@@ -52,6 +56,8 @@ class Proof(Shown):
         Steps of each phase of the program that the proof is of.
     order : int
         Order of its steps.
+    in_rates : bool
+        Whether a solve on this mesh states hits as balances of energies, and the proof does not.
     left_out : tuple of str
         Conditions that no bound takes into account.
     boxes, waiting : int
@@ -71,6 +77,7 @@ class Proof(Shown):
     final_time: tuple[float, float]
     steps: tuple[int, ...]
     order: int
+    in_rates: bool = False
     left_out: tuple[str, ...] = ()
     boxes: int = 0
     waiting: int = 0
@@ -106,7 +113,7 @@ class Proof(Shown):
         program = (
             f"of the discrete program of {' + '.join(map(str, self.steps))} steps of order "
             f"{self.order}"
-        )
+        ) + (f", {IN_RATES}," if self.in_rates else "")
         if self.claim is Claim.IMPOSSIBLE:
             dear = "" if self.limit == float("inf") else f" that costs less than {self.limit:.3g}"
             return f"no motion {program} has this sequence{dear}"

@@ -15,6 +15,7 @@ from dmoc.base.progress import Listener, listener
 from dmoc.base.records import record
 from dmoc.base.signatures import public
 from dmoc.problem.problem import Problem
+from dmoc.program.laws.impact import states_energies
 from dmoc.proving.branch import MOST_WORKERS, Branch
 from dmoc.proving.engine import branch_of, check_size, run
 from dmoc.proving.global_proof import Claim, Proof
@@ -146,7 +147,8 @@ def _proved(
     begun, deadline = time.monotonic(), Deadline.after(seconds)
     check_size(linear_problem(_on_mesh(problem, None)))  # what is not covered is refused at once
     motion = _solved(problem, seconds, seed)
-    problem = _on_mesh(problem, motion).in_rates()
+    stated = _on_mesh(problem, motion)
+    problem = stated.in_rates()
     linear = linear_problem(problem)
     motion = None if motion is None else _along(problem, motion)
     size = _size_of_cost(linear)
@@ -177,7 +179,7 @@ def _proved(
         np.inf if np.isfinite(limit) else beyond,
         tuple((float(a), float(b)) for a, b in linear.durations),
         linear.final_time, tuple(phase.steps for phase in linear.phases), problem.order,
-        linear.left_out, branch.boxes, branch.waiting, time.monotonic() - begun,
+        states_energies(stated), linear.left_out, branch.boxes, branch.waiting, time.monotonic() - begun,
         paving_of(branch, linear, beyond),
     )  # fmt: skip
 

@@ -353,3 +353,10 @@ def restitution_of(problem: Problem, surfaces: Index) -> Array:
     hit = surfaces != NOWHERE
     e[hit] = problem.restitution_values[surfaces[hit]]
     return e
+
+
+def states_energies(problem: Problem) -> bool:
+    """Whether the program of a problem states a hit as a balance of energies, which says the same
+    as the rates of the gap only where steps are short."""
+    law = ImpactLaw.of(problem, Layout.of(problem), np.zeros(0, dtype=np.intp))
+    return bool((law.impact & ~law.plain).any())
