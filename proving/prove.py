@@ -179,8 +179,8 @@ def _proved(
         np.inf if np.isfinite(limit) else beyond,
         tuple((float(a), float(b)) for a, b in linear.durations),
         linear.final_time, tuple(phase.steps for phase in linear.phases), problem.order,
-        states_energies(stated), linear.left_out, branch.boxes, branch.waiting, time.monotonic() - begun,
-        paving_of(branch, linear, beyond),
+        states_energies(stated), linear.left_out, branch.boxes, branch.waiting,
+        time.monotonic() - begun, paving_of(branch, linear, beyond),
     )  # fmt: skip
 
 
