@@ -35,15 +35,19 @@ else:
 def _record(made: Any) -> Any:
     made = dataclass(init=False, eq=False, repr=False)(made)
     if "__init__" not in made.__dict__:
-        made.__init__ = _first
+        made.__init__ = _first_of(made)
     return made
 
 
-def _first(self: Any, *arguments: Any, **named: Any) -> None:
-    """The ``__init__`` of a class without instances, which makes its own."""
-    owner: Any = next(c for c in type(self).__mro__ if c.__dict__.get("__init__") is _first)
-    owner.__init__ = _init_of(owner)
-    owner.__init__(self, *arguments, **named)
+def _first_of(owner: Any) -> Callable[..., None]:
+    """The ``__init__`` of a class without instances, which makes its own; two threads may begin
+    with it at once."""
+
+    def first(self: Any, *arguments: Any, **named: Any) -> None:
+        owner.__init__ = own = _init_of(owner)
+        own(self, *arguments, **named)
+
+    return first
 
 
 def _init_of(owner: type[Any]) -> Callable[..., None]:

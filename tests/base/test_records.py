@@ -104,3 +104,14 @@ def test_nothing_changes_a_value() -> None:
     assert replace(value, name="b") == Own("b", (1,))
     for again in (copy.copy(value), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
         assert again == value
+
+
+def test_a_thread_may_begin_with_an_init_that_another_one_has_replaced() -> None:
+    @record(frozen=True, eq=False)
+    class Shared:
+        name: str
+
+    begun, late = Shared.__init__, Shared.__new__(Shared)
+    assert Shared("a").name == "a" and Shared.__init__ is not begun
+    begun(late, "b")
+    assert late.name == "b"
