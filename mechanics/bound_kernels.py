@@ -192,14 +192,20 @@ class BoundKernels:
         along = (slopes[..., : self.nq] @ v[..., None])[..., 0]
         return np.asarray(along + slopes[..., 2 * self.nq])
 
-    def _sizes(self, kernel: str, count: int, q: Array, t: float) -> Array:
-        """Sizes of the values of a kernel at one position: the sum of what each coordinate and
-        each parameter contributes, shape (count,)."""
-        numbers = np.concatenate([q, self.par[0]])
-        nudged = (1 + NUDGE * np.eye(numbers.size + 1, numbers.size, -1)) * numbers
-        places, values = nudged[:, : self.nq], nudged[:, self.nq :]
-        results = self.kernels.call(kernel, places, t, values)[0] if count else np.zeros((2, 0))
-        return np.asarray(np.abs(results[1:] - results[0]).sum(axis=0) / NUDGE)
+    def _sizes(self, kernel: str, count: int, q: Array, t: ArrayLike) -> Array:
+        """Sizes of the values of a kernel at positions (..., nq) and times (...): the sum of what
+        each coordinate and each parameter contributes, shape (..., count)."""
+        lead = q.shape[:-1]
+        numbers = np.concatenate([q, np.broadcast_to(self.par[0], (*lead, self.par.shape[1]))], -1)
+        size = numbers.shape[-1]
+        if not count:
+            return np.zeros((*lead, 0))
+        nudged = (1 + NUDGE * np.eye(size + 1, size, -1)) * numbers[..., None, :]
+        rows = nudged.reshape(-1, size)
+        times = np.repeat(np.broadcast_to(t, lead), size + 1)
+        results = self.kernels.call(kernel, rows[:, : self.nq], times, rows[:, self.nq :])[0]
+        of_each = results.reshape(*lead, size + 1, count)
+        return np.asarray(np.abs(of_each[..., 1:, :] - of_each[..., :1, :]).sum(axis=-2) / NUDGE)
 
     def _state(self, v: Array | None) -> Array:
         return self._rest if v is None else v

@@ -212,9 +212,9 @@ class Model(FrictionModel, CostModel):
         """Second derivatives of the gaps along a motion without acceleration, shape (..., nc)."""
         return self._bent("gamma_D", self.nc, q, v, t)
 
-    def gap_sizes(self, q: Array, t: float = 0.0) -> Array:
-        """Sizes of the gaps at one position, shape (nc,): the sum of what each coordinate and each
-        parameter s contributes, |dg/ds s|.
+    def gap_sizes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Sizes of the gaps at positions (..., nq) and times (...), shape (..., nc): the sum of
+        what each coordinate and each parameter s contributes, |dg/ds s|.
 
         Rounding errors of a gap are about 1e-16 of its size, whatever its unit.
         """
@@ -299,8 +299,9 @@ class Model(FrictionModel, CostModel):
         """Second derivatives of phi along a motion without acceleration, shape (..., nj)."""
         return self._bent("phi_dot_D", self.nj, q, v, t)
 
-    def joint_sizes(self, q: Array, t: float = 0.0) -> Array:
-        """Sizes of phi at one position, shape (nj,), as those of gaps."""
+    def joint_sizes(self, q: Array, t: ArrayLike = 0.0) -> Array:
+        """Sizes of phi at positions (..., nq) and times (...), shape (..., nj), as those of
+        gaps."""
         return self._sizes("joint", self.nj, q, t)
 
     def joint_rounding(self, q: Array, t: float = 0.0) -> Array:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING, SAME
@@ -81,10 +81,10 @@ def spread_of(problem: Problem) -> Array:
     return np.where(_turns(problem), np.maximum(reach, swing), reach)
 
 
-def gap_sizes(problem: Problem, q: Array, t: float = 0.0) -> Array:
-    """Sizes of the gaps at a position, shape (nq,), of what makes them there and of how far they
-    may move, where that is a number, shape (nc,)."""
-    moved = np.abs(problem.model.gap_slopes(q, t)[:, :-1]) @ problem.reach
+def gap_sizes(problem: Problem, q: Array, t: ArrayLike = 0.0) -> Array:
+    """Sizes of the gaps at positions (..., nq) and times (...), of what makes them there and of how
+    far they may move, where that is a number, shape (..., nc)."""
+    moved = np.abs(problem.model.gap_slopes(q, t)[..., :-1]) @ problem.reach
     return np.asarray(np.fmax(problem.model.gap_sizes(q, t), moved))
 
 

@@ -8,6 +8,7 @@ velocities and times, of what sticks also where the other conditions hold.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import fields, replace
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.model import Model
 from dmoc.mechanics.redundancy import redundancy
 from dmoc.mechanics.touch import Touch
+from dmoc.problem.derived import once
 from dmoc.problem.design import samples
 from dmoc.problem.problem import Problem
 from dmoc.problem.reach import gap_sizes, latest_time, rate_sizes
@@ -80,10 +82,19 @@ class Settled:
 
 def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
     """Find the rows of contacts that hold by the values that ``limits`` fix, lower and upper bounds
-    of shape (n,), whatever the design."""
-    of_samples = [_settled(p, lay, limits) for p in samples(problem)]
-    parts = zip(*([getattr(s, f.name) for f in fields(Settled)] for s in of_samples), strict=True)
-    return Settled(*(np.logical_and.reduce(part) for part in parts))
+    of shape (n,), whatever the design; once for each of these of a problem."""
+    low, high = limits
+    every, key = once(problem, _remembered), (lay, np.where(low == high, low, np.nan).tobytes())
+    if key not in every:
+        of_samples = [_settled(p, lay, limits) for p in samples(problem)]
+        values = [[getattr(s, f.name) for f in fields(Settled)] for s in of_samples]
+        every[key] = Settled(*map(np.logical_and.reduce, zip(*values, strict=True)))
+    return every[key]
+
+
+def _remembered(problem: Problem) -> dict[Hashable, Settled]:
+    """What is found of a problem."""
+    return {}
 
 
 def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
@@ -291,8 +302,7 @@ def _stuck(nodes: list[Values], sticks: Bools) -> Bools:
 
 
 def _gaps(problem: Problem, at: States) -> Values:
-    sizes = [gap_sizes(problem, q, t) for q, t in zip(at.q, at.t, strict=True)]
-    return problem.model.gaps(at.q, at.t), np.array(sizes)
+    return problem.model.gaps(at.q, at.t), gap_sizes(problem, at.q, at.t)
 
 
 def _tangents(problem: Problem, at: States) -> Values:
@@ -312,8 +322,7 @@ def _slide_rates(problem: Problem, at: States) -> Values:
 
 
 def _joints(problem: Problem, at: States) -> Values:
-    sizes = [problem.model.joint_sizes(q, t) for q, t in zip(at.q, at.t, strict=True)]
-    return problem.model.joints(at.q, at.t), np.array(sizes)
+    return problem.model.joints(at.q, at.t), problem.model.joint_sizes(at.q, at.t)
 
 
 def _joint_rates(problem: Problem, at: States) -> Values:

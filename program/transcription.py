@@ -34,7 +34,7 @@ from dmoc.program.elements import (
 )
 from dmoc.program.evaluator import Evaluator
 from dmoc.program.iterate import Iterate
-from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from
+from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from, settles_rows
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.structure_cache import MEMORY, MOST_REMEMBERED
@@ -85,14 +85,16 @@ class Transcription(Evaluator):
         make = partial(laws_of, problem, self.layout, self.scale, grazes, goals, pulling)
         few = self.layout.is_shared and self.layout.size <= MOST_REMEMBERED
         form = rows_follow_from(problem, self.layout, grazes) if few and not goals else None
-        laws = MEMORY.bounding.of(form, make)
+        own = form is None or settles_rows(problem, self.layout)
+        laws = MEMORY.bounding.of(None if own else form, make)
         self.limits = limits(problem, self.layout, laws, self.scale, goals)
+        facts = laws.settled(problem, self.limits).facts if own else ()
 
         def numbered() -> Laws:
-            return (laws if form is None else make()).numbered(problem, self.limits)
+            return (laws if own else make().settled(problem, self.limits)).numbered()
 
         fixed = (self.limits[0] == self.limits[1]).tobytes()
-        shared = None if form is None else (form, fixed)
+        shared = None if form is None else (form, fixed, facts)
         self.laws = MEMORY.laws.of(shared, numbered).stating(problem)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in

@@ -8,14 +8,16 @@ closed``.  Layout, transcription, factorisation and diagnosis go through all law
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Hashable, Iterator
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.program.blocks import Entries, Index, Numbering
+from dmoc.program.blocks import Block, Entries, Index, Numbering
+from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
 from dmoc.program.terms import Places, Term
 
@@ -76,6 +78,12 @@ class Law:
         """Put the bounds of the law's unknowns into ``box``, shape (n, 2), and those that it would
         leave no interior out of the way."""
 
+    @property
+    def facts(self) -> Hashable:
+        """All that the law holds before its rows are numbered, but for its layout, its problem and
+        other laws."""
+        return _parts(self)
+
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         """Note which rows the fixed values settle, that is unknowns whose lower and upper
         ``limits``, shape (n,) each, are equal: such rows are left out."""
@@ -117,3 +125,24 @@ class Law:
 def key(node: Index | int, rank: int) -> Index:
     """Place in the chain of what belongs to nodes, shape (...) as ``node``."""
     return np.asarray(node) * RANKS + rank
+
+
+# What is no fact of one law: the same for all laws of a program, what functions of the kernels
+# contain, or what follows from facts.
+_ELSEWHERE = Problem, Layout, Scale, Block, Law, dict
+
+
+def _parts(record: Any) -> Hashable:
+    """The contents of the fields of a record that are set."""
+    return tuple(_facts(getattr(record, field.name, None)) for field in fields(record))
+
+
+def _facts(value: Any) -> Hashable:
+    """The contents of a value: of arrays, and of what is made of them and of plain values."""
+    if isinstance(value, _ELSEWHERE):
+        return None
+    if isinstance(value, np.ndarray):
+        return value.shape, value.tobytes()
+    if isinstance(value, tuple):
+        return tuple(map(_facts, value))
+    return _parts(value) if is_dataclass(value) else value

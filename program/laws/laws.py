@@ -139,11 +139,21 @@ class Laws:
         same.n_eq, same.n_in = self.n_eq, self.n_in
         return same
 
-    def numbered(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
-        """Number the rows of a problem whose unknowns have some lower and upper limits."""
+    def settled(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
+        """Note what of a problem its unknowns with equal lower and upper limits settle."""
+        for law in self:
+            law.settle(problem, limits)
+        return self
+
+    @property
+    def facts(self) -> Hashable:
+        """What the rows of settled laws follow from, beside what their problems have in common."""
+        return tuple(law.facts for law in self)
+
+    def numbered(self) -> Laws:
+        """Number the rows of settled laws."""
         laws, block = tuple(self), Numbering()
         for law in laws:
-            law.settle(problem, limits)
             law.equations(block)
         count = len(block.made)
         for law in laws:
@@ -211,24 +221,31 @@ def _again(
 
 
 def rows_follow_from(problem: Problem, lay: Layout, grazing: Index) -> Hashable | None:
-    """All that rows, terms and entries of a program follow from, beside which unknowns are fixed:
-    problems that differ in other numbers share them, and have coefficients of restitution of their
-    own.  None where they follow from more, as where fixed values settle rows of contacts and
-    constraints."""
-    held = lay.touch.open or problem.kernels.joints
-    if not _is_untouched(lay) or held or lay.ends_with_event:
+    """All that rows, terms and entries of a program follow from, beside which unknowns are fixed
+    and, where fixed values settle rows, the facts of its laws: problems that differ in other
+    numbers share them, and have coefficients of restitution of their own.  None where contacts are
+    left open."""
+    if lay.touch.open:
         return None
     kernels = problem.kernels
     model = *kernels.identity, *kernels.design
     low, high = problem.final_time_bounds
     ends = low == high, 0 < low < high, low < high < np.inf, *(r.kind for r in problem.relations)
-    statement = ends, tuple(problem.ignored), problem.by_rates
+    statement = ends, tuple(problem.ignored), problem.by_rates, problem.parameter_values.shape
     return (
         lay, model, statement, np.isnan(problem.restitution_values).tobytes(), grazing.tobytes(),
         problem.velocity_bounds.tobytes(), np.isfinite(problem.quantity_bounds).tobytes(),
         problem.quantity_ranges.kinds, problem.hit_quantity_bounds.tobytes(),
         changes_of(problem).tobytes(),
     )  # fmt: skip
+
+
+def settles_rows(problem: Problem, lay: Layout) -> bool:
+    """Whether fixed values, and not only which ones these are, settle rows of a program: of
+    contacts, of constraints, of an event at the end, of gaps that periodic states make those of the
+    other end."""
+    held = not _is_untouched(lay) or lay.ends_with_event
+    return bool(held or problem.kernels.joints or problem.relations)
 
 
 def _is_untouched(lay: Layout) -> bool:

@@ -1,0 +1,90 @@
+"""Programs share what their laws follow from with those of other problems, and are what each makes
+alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from every_constraint import ending, point, program_of
+from systems import landing_system
+
+import dmoc
+from dmoc.codegen.kernels import Kernels
+from dmoc.program.structure_cache import MEMORY
+from dmoc.program.transcription import Transcription
+
+# Forms, and how many of their neighbours share the laws of the first one.
+QUICK = {"contacts, periodic": 7, "tangential": 3, "driven": 6, "relaxed": 0}
+SLOW = {
+    "joints, periodic": 7, "lift-off": 5, "kinked": 3, "balls, order 2": 4, "ending tangential": 3,
+    "ending hits with friction, order 4": 3,
+}  # fmt: skip
+FORMS = [*QUICK.items(), *(pytest.param(*one, marks=pytest.mark.slow) for one in SLOW.items())]
+
+
+def neighbours(base: dmoc.Problem) -> Iterator[dmoc.Problem]:
+    """Problems with another number each: of the model, of both ends, of the time, of hits."""
+    values = dict(zip(base.kernels.parameters, base.parameter_values[0].tolist(), strict=True))
+    for name in sorted(values.keys() - {*base.design}):
+        yield base.but(parameters={**base.parameters, name: 1.01 * values[name]})
+    low, high = base.final_time_bounds
+    yield base.but(final_time=1.1 * high if low == high else (low, 1.1 * high))
+    for field in ("start", "goal"):
+        stated = getattr(base, field)
+        for name, value in stated.items():
+            if isinstance(value, tuple) and None not in value:
+                yield base.but(**{field: {**stated, name: (value[0], value[1] + 0.01)}})
+    if base.kernels.surfaces and not np.isnan(base.restitution_values).any():
+        yield base.but(restitution=0.25)
+
+
+def contents(nlp: Transcription, x: np.ndarray) -> tuple[list[Any], list[np.ndarray]]:
+    """Names of the rows, their values, derivatives and sizes."""
+    blocks = (*nlp.equalities, *nlp.inequalities)
+    y, w = np.linspace(-1, 2, nlp.n_eq), np.linspace(-1, 1, nlp.n_in)
+    matrices = (
+        nlp.equality_jacobian(x), nlp.inequality_jacobian(x), nlp.lagrangian_hessian(x, y, w)
+    )  # fmt: skip
+    names = [(b.name, b.index.shape, [b.name_of(i) for i in range(b.count)]) for b in blocks]
+    arrays = [b.index for b in blocks] + [m.toarray() for m in matrices]
+    return names, [*arrays, nlp.values(x), nlp.row_sizes]
+
+
+@pytest.mark.parametrize(("form", "count"), FORMS)
+def test_programs_are_what_each_makes_alone(
+    form: str, count: int, pendulum: Kernels, puck: Kernels
+) -> None:
+    """Laws are shared where fixed values settle the same rows, and friction is the same."""
+    stated = program_of(form.removeprefix("ending "), pendulum, puck)
+    base = ending(stated.problem) if form.startswith("ending") else stated.problem
+    shared = 0
+    for problem in neighbours(base):
+        MEMORY.clear()
+        alone = Transcription(problem)
+        x = point(alone, np.random.default_rng(7))
+        names, arrays = contents(alone, x)
+        MEMORY.clear()
+        first = Transcription(base)
+        assert first.structure
+        nlp = Transcription(problem)
+        shared += nlp.laws.remembered is first.laws.remembered
+        mine, ours = contents(nlp, x)
+        assert mine == names
+        assert all(map(np.array_equal, ours, arrays))
+    assert shared == count
+
+
+def test_what_other_limits_settle_is_found_anew() -> None:
+    """A goal that is a constraint fixes nothing, also of a problem in which it did."""
+    problem = dmoc.Problem(
+        landing_system(), start={"x": 0.0, "y": 0.0}, contacts=["floor"], goal={"x": 0.0, "y": 0.0},
+        steps=3, final_time=1.0,
+    )  # fmt: skip
+    counts = [
+        Transcription(problem, goal_as_rows=rows).laws.contact.closed.count
+        for rows in (False, True, False)
+    ]
+    assert counts == [2, 3, 2]
