@@ -326,9 +326,9 @@ def _slipping(motion: Motion, i: int, flow: Reaction, size: Array) -> Iterator[s
     """Friction beyond what its contact or rail holds."""
     at, model = motion.places[i], motion.model
     there = motion.rubbing[i]
-    for j in motion.modes[i].sticking:
+    for j in (k for k in motion.modes[i].sticking if k in model.contacts.lines):
         bears = there.bearing(flow.normal)[..., j]
-        needs = np.abs(flow.tangential[..., j])
+        needs = model.contacts.needed(flow.tangential)[..., j]
         beyond = (needs - bears).max(axis=0)
         k = int(np.argmax(beyond))
         if not beyond[k] <= BEARABLE * size[j]:

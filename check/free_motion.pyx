@@ -6,7 +6,7 @@ something is out of order, or needs words, it says so and measures no further.  
 closes, rubs, joins or limits beside its coordinates and inputs is most motions of a batch, and this
 takes a fifth of the time.
 """
-from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, isfinite, pow, sqrt
+from libc.math cimport INFINITY, NAN, fabs, fmax, fmin, hypot, isfinite, pow, sqrt
 from libc.stdlib cimport qsort
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
@@ -35,7 +35,7 @@ from dmoc.base.tolerances import DEPENDENT, ROUNDING
 from dmoc.check.checked_motion import nodes_of_segments
 from dmoc.mechanics.conditions import GAPS, TANGENTS, conditions_among
 from dmoc.mechanics.contact_mode import FREE
-from dmoc.mechanics.contacts import RAIL, Contacts
+from dmoc.mechanics.contacts import NOWHERE, RAIL, contacts_of
 from dmoc.motion.trajectory import GRAZING
 from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.dormand_prince import shares, sums

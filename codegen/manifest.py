@@ -85,6 +85,7 @@ class Manifest:
     static_friction: Sequence[str] = ()
     varying_friction: Sequence[FunctionFacts] = ()
     rate_constraints: Sequence[str] = ()
+    rate_tangents: Sequence[str] = ()
     totals: Sequence[str] = ()
     hit_sums: Sequence[tuple[int, int, int]] = ()  # integral, surface, number of the hit or 0
     hit_quantities: Mapping[str, Sequence[int]] = field(default_factory=dict)  # as in hit_sums

@@ -100,7 +100,7 @@ def _event(e: Experiment, course: Course, i: int, sides: tuple[Phase, Phase]) ->
         surface, float(before.t[-1]), before.q[-1], impulses.get(surface, 0.0), before.p[-1],
         after.p[0], *rates, lands=model.contacts.named(event.lands),
         leaves=model.contacts.named(event.leaves), off=model.contacts.named(event.off),
-        friction=changed,
+        friction=model.contacts.said(changed),
         impulses={name: value for name, value in impulses.items() if value},
         tractions={name: value for name, value in tractions.items() if value},
         switch="" if event.switch == NOWHERE else model.contacts.switches[event.switch],

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.contact_mode import Event
-from dmoc.mechanics.contacts import NOWHERE, Contacts
-from dmoc.motion.impact_laws import BALL, second_of
+from dmoc.mechanics.contacts import NOWHERE, Contacts, contacts_of
 
 # Matrix outputs that are read here, and their kernels.
 MATRICES = {
@@ -85,17 +84,7 @@ class BoundKernels:
     @cached_property
     def contacts(self) -> Contacts:
         """Surfaces and tangents of the model."""
-        names, facts = self.kernels, self.kernels.manifest
-        return Contacts(
-            tuple(names.surfaces), tuple(names.tangents),
-            frictionless=tuple(facts.without_friction), switches=tuple(facts.switches),
-            ended=tuple(facts.within),
-            grips=tuple((grip, tuple(places)) for grip, places in facts.grips.items()),
-            by_rate=tuple(facts.by_rate), strong=tuple(facts.strength),
-            pairs=tuple(
-                (n, second_of(n)) for n in names.tangents if facts.impact_laws.get(n) == BALL
-            ),
-        )  # fmt: skip
+        return contacts_of(self.kernels.manifest)
 
     @property
     def surface_numbers(self) -> dict[str, int]:

@@ -70,8 +70,7 @@ GAPS = Functions(
 )  # fmt: skip
 TANGENTS = Functions(
     "tangential", Model.tangents, Model.tangent_slopes, Model.slide_rates,
-    Model.slide_accelerations, lambda model: np.ones(model.nt, dtype=bool),
-    push=1.0,
+    Model.slide_accelerations, lambda model: model.contacts.in_place, push=1.0,
 )  # fmt: skip
 JOINTS = Functions(
     "reaction", Model.joints, Model.joint_slopes, Model.joint_rates, Model.joint_accelerations,

@@ -57,8 +57,7 @@ class Mode:
 
     def closing(self, j: int, contacts: Contacts) -> Mode:
         """The same mode with surface j closed, where what rubs sticks."""
-        tangent = contacts.rubs_on(j)
-        still = {} if tangent is None else {tangent: STICK}
+        still = dict.fromkeys(contacts.rubs_on(j), STICK)
         return Mode.of({*self.closed, j}, self.rubbing | still)
 
     def with_friction(self, changed: dict[int, int]) -> Mode:
@@ -92,7 +91,7 @@ def names_of(contacts: Contacts, mode: Mode) -> tuple[tuple[str, ...], dict[str,
 def mode_in_words(contacts: Contacts, mode: Mode) -> str:
     """A mode as "left:stick rail:slip+"; "free" where nothing touches."""
     closed, rubbing = names_of(contacts, mode)
-    return mode_word(contacts.grasped(closed), rubbing)
+    return mode_word(contacts.grasped(closed), contacts.said(rubbing))
 
 
 def without_rails(supports: tuple[int, ...], mode: Mode) -> Mode:

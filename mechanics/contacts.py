@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dmoc.base.records import value_class
-from dmoc.motion.impact_laws import IMPACT_LAWS, POISSON, ImpactLaw
+from dmoc.codegen.kernels import Array
+from dmoc.codegen.manifest import Manifest
+from dmoc.motion.impact_laws import BALL, IMPACT_LAWS, POISSON, ImpactLaw, second_of
 from dmoc.motion.trajectory import by_grip
 
 # The number of what there is not, and the surface of a tangent that belongs to none.
@@ -23,7 +25,8 @@ class Contacts:
     a surface belong to it and the others are rails; surfaces without restitution, those whose
     tangent has friction, surfaces with the laws of their hits, Poisson's where none is told, and
     tangents without friction, which take part in hits alone; switches; surfaces that have ends;
-    surfaces whose tangent has two directions, which takes part in hits alone too, with the second.
+    surfaces whose tangent has two directions, with the second; tangents that are sliding
+    velocities, of no place.
 
     Behind the surfaces come the places of ``grips``: conditions that a sequence closes and opens,
     whose forces have both signs, and which hold nothing back while they are open.  Those that are
@@ -38,6 +41,7 @@ class Contacts:
     switches: tuple[str, ...] = ()
     ended: tuple[str, ...] = ()
     pairs: tuple[tuple[str, str], ...] = ()
+    skids: tuple[str, ...] = ()
     grips: tuple[tuple[str, tuple[str, ...]], ...] = ()
     by_rate: tuple[str, ...] = ()
     strong: tuple[str, ...] = ()
@@ -90,13 +94,33 @@ class Contacts:
     @cached_property
     def supports(self) -> tuple[int, ...]:
         """The surface that each tangent belongs to, or RAIL."""
-        return tuple(self.surface_numbers.get(name, RAIL) for name in self.tangents)
+        first = {second: name for name, second in self.pairs}
+        owners = (first.get(name, name) for name in self.tangents)
+        return tuple(self.surface_numbers.get(name, RAIL) for name in owners)
 
     @property
     def rubbing(self) -> tuple[str, ...]:
         """Tangents that rub where a contact lasts."""
-        alone = *self.frictionless, *(name for pair in self.pairs for name in pair)
-        return tuple(t for t in self.tangents if t not in alone)
+        return tuple(t for t in self.tangents if t not in self.frictionless)
+
+    @cached_property
+    def rolling(self) -> tuple[tuple[int, int], ...]:
+        """Numbers of both directions of the tangents that have two."""
+        numbers = self.tangent_numbers
+        return tuple((numbers[name], numbers[second]) for name, second in self.pairs)
+
+    def needed(self, tangential: Array) -> Array:
+        """How much friction forces (..., nt) need, shape (..., nt): of both directions of a tangent
+        what they need together."""
+        needs = np.abs(tangential)
+        for pair in self.rolling:
+            needs[..., pair] = np.hypot.reduce(tangential[..., pair], axis=-1, keepdims=True)
+        return needs
+
+    @cached_property
+    def in_place(self) -> NDArray[np.bool_]:
+        """Tangents that are positions, and no sliding velocities, shape (nt,)."""
+        return np.array([name not in self.skids for name in self.tangents], dtype=bool)
 
     @cached_property
     def in_space(self) -> tuple[int, ...]:
@@ -118,15 +142,19 @@ class Contacts:
         seconds = [second for _, second in self.pairs]
         return tuple(k for k, name in enumerate(self.tangents) if name not in seconds)
 
-    def rubs_on(self, surface: int) -> int | None:
-        """The tangent that rubs where a contact with a surface lasts, if there is one."""
+    def said(self, rubbing: Mapping[str, int]) -> dict[str, int]:
+        """Friction of tangents by name as words say it: once for both directions of one."""
+        return {n: s for n, s in rubbing.items() if self.tangent_numbers[n] in self.lines}
+
+    def rubs_on(self, surface: int) -> list[int]:
+        """The directions of the tangent that rubs where a contact with a surface lasts; none
+        without one."""
         name = self.surfaces[surface]
-        return self.tangent_numbers[name] if name in self.rubbing else None
+        return self.directions(self.tangent_numbers[name]) if name in self.rubbing else []
 
     @property
     def rails(self) -> tuple[str, ...]:
-        names = (self.tangents[k] for k in self.lines)
-        return tuple(name for name in names if name not in self.surface_numbers)
+        return tuple(t for t, j in zip(self.tangents, self.supports, strict=True) if j == RAIL)
 
     def impact_law(self, surface: str) -> str:
         """The law of hits of a surface that have a tangential impulse."""
@@ -139,3 +167,15 @@ class Contacts:
     def named(self, surfaces: Iterable[int]) -> tuple[str, ...]:
         """Names of surfaces."""
         return tuple(self.surfaces[j] for j in surfaces)
+
+
+def contacts_of(facts: Manifest) -> Contacts:
+    """What can touch in the model of a manifest."""
+    return Contacts(
+        tuple(facts.surfaces), tuple(facts.tangents), frictionless=tuple(facts.without_friction),
+        switches=tuple(facts.switches), ended=tuple(facts.within),
+        grips=tuple((grip, tuple(places)) for grip, places in facts.grips.items()),
+        by_rate=tuple(facts.by_rate), strong=tuple(facts.strength),
+        pairs=tuple((n, second_of(n)) for n in facts.tangents if facts.impact_laws.get(n) == BALL),
+        skids=tuple(facts.rate_tangents),
+    )  # fmt: skip

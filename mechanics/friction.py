@@ -127,7 +127,11 @@ class FrictionModel(BoundKernels):
     @cached_property
     def rough(self) -> dict[int, int]:
         """The tangent of each surface with friction."""
-        return {j: k for k, j in enumerate(self.supports) if j != RAIL and self.has_friction[k]}
+        return {
+            self.supports[k]: k
+            for k in self.contacts.lines
+            if self.supports[k] != RAIL and self.has_friction[k]
+        }
 
     @cached_property
     def tangential_restitution(self) -> Array:
@@ -148,7 +152,8 @@ class FrictionModel(BoundKernels):
         """The tangent of each surface whose hits have a tangential impulse."""
         free = self.contacts.frictionless
         rubs = [self.has_friction[k] or t in free for k, t in enumerate(self.kernels.tangents)]
-        return {j: k for k, j in enumerate(self.supports) if j != RAIL and rubs[k]}
+        pairs = ((self.supports[k], k) for k in self.contacts.lines if rubs[k])
+        return {j: k for j, k in pairs if j != RAIL}
 
     @cached_property
     def impact_laws(self) -> dict[int, str]:

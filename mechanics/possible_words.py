@@ -26,7 +26,8 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     that slip off an end; changes of friction; and what two contacts, as the corners of a box, can
     only do together."""
     (closed, rubbing), surfaces = names_of(contacts, mode), contacts.grasped(surfaces)
-    closed = contacts.grasped(closed)
+    closed, pairs = contacts.grasped(closed), {n for pair in contacts.pairs for n in pair}
+    rubbing = {name: s for name, s in rubbing.items() if name not in pairs}
     open_ones = [s for s in surfaces if s not in closed]
     turns = list(_turns(rubbing))
     of_rails = [turn for turn in turns if turn.split(":")[0] in contacts.rails]
@@ -35,8 +36,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     landings = [
         f"+{name}{state}"
         for name in open_ones
-        if name not in dict(contacts.pairs)
-        for state in (landing_states if name in contacts.rubbing else ("",))
+        for state in (landing_states if name in {*contacts.rubbing} - pairs else ("",))
     ]
     for word in (*impacts, *landings):
         yield word
@@ -51,10 +51,7 @@ def words_after(mode: Mode, contacts: Contacts, surfaces: Sequence[str]) -> Iter
     yield from (*leaving, *slipping, *turns)
     yield from _together(leaving, {name: s for name, s in rubbing.items() if name in closed})
     for state in landing_states:
-        both = [
-            name for name in open_ones
-            if name not in dict(contacts.pairs) and (not state or name in contacts.tangents)
-        ]  # fmt: skip
+        both = [n for n in open_ones if not state or n in {*contacts.tangents} - pairs]
         yield from (f"+{a}{state} +{b}{state}" for a, b in combinations(both, 2))
 
 

@@ -90,16 +90,14 @@ def event_of(word: str, contacts: Contacts, closed: Collection[int] = ()) -> Eve
             (lands if sign == "+" else leaves).extend(contacts.places(name))
             continue
         is_hit = not sign and name in numbers and numbers[name] not in closed
-        if sign == "+" and name in dict(contacts.pairs):
-            raise ProblemError(f"{part!r} in the sequence: {_hit_alone(name)}.")
         if colon:
             if name in contacts.frictionless:
                 raise ProblemError(
                     f"{part!r} in the sequence: {name} has tangential restitution and no friction, "
                     f"so that there is no way to say; say {sign + name!r}, or give it friction."
                 )
-            if is_hit and name in dict(contacts.pairs):
-                course = _course_in_space(part, name, course_words, contacts)
+            if name in dict(contacts.pairs):
+                course = _course_in_space(part, name, course_words, is_hit, contacts)
             else:
                 rubs = name in contacts.tangents and sign in ("", "+")
                 course = _course(part, course_words, rubs)
@@ -155,16 +153,18 @@ def _switch_in(word: str, contacts: Contacts) -> int | None:
     return None
 
 
-def _hit_alone(name: str) -> str:
-    """What does not last."""
+def slides_in_space(name: str) -> str:
+    """What does not last of a contact with two tangential directions."""
     return (
-        f"the tangent of {name!r} has two directions, in which friction acts in hits alone; let it "
-        "be hit, state rolling as constraints of velocities, or give its tangent one direction"
+        f"the tangent of {name!r} has two directions, and sliding that lasts may turn in them; let "
+        "it stick, give it enough friction to, or give its tangent one direction"
     )
 
 
-def _course_in_space(part: str, name: str, word: str, contacts: Contacts) -> Course:
-    """Read how a contact with two tangential directions is hit."""
+def _course_in_space(part: str, name: str, word: str, is_hit: bool, contacts: Contacts) -> Course:
+    """Read how a contact with two tangential directions is hit, or that it sticks."""
+    if not is_hit and word != STICKING:
+        raise ProblemError(f"{part!r} in the sequence: {slides_in_space(name)}.")
     if word not in IN_SPACE:
         raise ProblemError(
             f"{part!r} in the sequence: the tangent of {name!r} has two directions, and the one in "
@@ -236,8 +236,8 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
         name, colon, state = text.partition(":")
         among = contacts.grasped(contacts.surfaces)
         check_known(name, (*among, *contacts.rails), "contact", "in contacts")
-        if name in dict(contacts.pairs):
-            raise ProblemError(f"{text!r} in contacts: {_hit_alone(name)}.")
+        if name in dict(contacts.pairs) and colon and state != STICKING:
+            raise ProblemError(f"{text!r} in contacts: {slides_in_space(name)}.")
         if colon and (state not in FRICTION or name not in contacts.rubbing):
             raise ProblemError(
                 f"{text!r} in contacts: expected a contact with friction and stick, slip+ or slip-."
@@ -257,7 +257,8 @@ def mode_of(parts: Sequence[str], contacts: Contacts) -> Mode:
 def parts_of(mode: Mode, contacts: Contacts) -> list[str]:
     """A mode as the contacts of a problem name it: closed surfaces, and what slides."""
     rubbing, parts = mode.rubbing, list[str]()
-    for k, (name, j) in enumerate(zip(contacts.tangents, contacts.supports, strict=True)):
+    for k in contacts.lines:
+        name, j = contacts.tangents[k], contacts.supports[k]
         if j not in mode.closed and j != RAIL:
             continue
         slides = not sticks(rubbing.get(k, STICK))
@@ -270,11 +271,8 @@ def parts_of(mode: Mode, contacts: Contacts) -> list[str]:
 
 def _mode(closed: Collection[int], friction: Mapping[int, int], contacts: Contacts) -> Mode:
     """The mode in which what rubs has some friction, and sticks where none is said."""
-    rubs = [
-        contacts.tangent_numbers[name]
-        for name in contacts.rubbing
-        if contacts.surface_numbers.get(name, RAIL) in (RAIL, *closed)
-    ]
+    numbers = [contacts.tangent_numbers[name] for name in contacts.rubbing]
+    rubs = [k for k in numbers if contacts.supports[k] in (RAIL, *closed)]
     return Mode.of(closed, {k: friction.get(k, STICK) for k in rubs})
 
 
@@ -323,6 +321,12 @@ def touch_along(start: Mode, words: Iterable[str], contacts: Contacts) -> Touch:
 def _check_holding(at: str, event: Event, modes: tuple[Mode, Mode], contacts: Contacts) -> None:
     """Refuse contacts with friction that stop sliding, or turn, where another one has a course."""
     before, after = (mode.rubbing for mode in modes)
+    for name in (contacts.tangents[k] for k, _ in contacts.rolling if k in after):
+        if contacts.surface_numbers[name] != event.surface:
+            raise ProblemError(
+                f"{at}: {contacts.surfaces[event.surface]} has a course of friction while {name} "
+                "rolls, whose friction has two directions: let one of them leave before."
+            )
     for k, s in modes[0].sliding:
         j = contacts.supports[k]
         if j in (RAIL, event.surface) or k not in after or after[k] == before[k]:
@@ -364,4 +368,6 @@ def word_between(contacts: Contacts, before: Mode, after: Mode, event: Event | N
     if not (hit or lands or leaves or rubs):
         return ""
     own = contacts.grasped(lands), contacts.grasped(leaves)
-    return event_word(hit, *own, rubs, str(event.course or ""), contacts.named(event.off))
+    return event_word(
+        hit, *own, contacts.said(rubs), str(event.course or ""), contacts.named(event.off)
+    )

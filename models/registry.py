@@ -151,6 +151,11 @@ def _shipped(name: str) -> Reference:
     if entry is None and name.endswith(".py"):
         file = place(name)
         raise ModelError(f"{file} names a file without an object in it: expected {file}:name.")
+    if entry is None and name.endswith(".npz"):
+        raise ModelError(
+            f"{shown(name)} names a file of a result: expected a model; read a solution with "
+            "dmoc.Solution.load, a simulation with dmoc.Simulation.load."
+        )
     if entry is None:
         models = ", ".join(sorted(catalogue.ENTRIES))
         raise ModelError(

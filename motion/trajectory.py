@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dmoc.base.discretisation import DISCRETISATIONS, FORMS, InputForm
 from dmoc.base.tolerances import SAME
 from dmoc.motion.friction import rubbing_word, sticks
+from dmoc.motion.impact_laws import second_of
 from dmoc.motion.scene import Scene
 
 Array = NDArray[np.float64]
@@ -294,6 +295,7 @@ class Trajectory:
         """Largest friction forces at the nodes of a phase, mu N of contacts and those of rails,
         shape (N + 1, len(rubbing)); NaN where the coefficient is not known."""
         normal = dict(zip(phase.closed, phase.normal.T, strict=True))
+        normal = {second_of(name): N for name, N in normal.items()} | normal
         one, mu = np.ones(len(phase.t)), phase.coefficients.T
         if not mu.size:
             numbers = [self.friction.get(t) for t in phase.rubbing]
@@ -345,9 +347,11 @@ def by_grip(names: Sequence[str], grips: Mapping[str, Sequence[str]]) -> tuple[s
 
 
 def mode_word(closed: Sequence[str], rubbing: Mapping[str, int]) -> str:
-    """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none."""
+    """The contacts that are closed and the tangents that rub, as "left:stick"; "free" for none. Of
+    a contact with two tangential directions both do the same."""
     names = [rubbing_word(c, rubbing[c]) if c in rubbing else c for c in closed]
-    names += [rubbing_word(t, s) for t, s in rubbing.items() if t not in closed]
+    both = [*closed, *(second_of(c) for c in closed if c in rubbing)]
+    names += [rubbing_word(t, s) for t, s in rubbing.items() if t not in both]
     return " ".join(names) or "free"
 
 

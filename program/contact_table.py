@@ -84,8 +84,8 @@ class ContactUnknowns:
             columns = tuple(mode.rubbing)
             sticks = np.isin(columns, mode.sticking)
             index = self.T[rows][:, list(columns)]
-            every, none = np.ones_like(sticks), np.zeros_like(sticks)
-            yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks, every, none)
+            every, of_rates = np.ones_like(sticks), ~self.touch.contacts.in_place[list(columns)]
+            yield PhaseReaction(TANGENTS, tuple(rubbing), columns, index, sticks, every, of_rates)
 
     def impulses(self, i: int) -> Iterator[EventImpulses]:
         """Impulses at event i beside lam: of other contacts, and of friction."""

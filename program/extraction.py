@@ -111,7 +111,7 @@ def _collision(
         surface, t, at.copy(), impulses["normal"].get(surface, 0.0),
         before.p[-1].copy(), after.p[0].copy(), *_rates(nlp, x, i, t), grazes,
         contacts.named(event.lands), contacts.named(event.leaves),
-        {contacts.tangents[k]: s for k, s in changes},
+        contacts.said({contacts.tangents[k]: s for k, s in changes}),
         impulses["normal"], impulses["tangential"],
         "" if event.course is None else str(event.course), impulses["reaction"],
         contacts.switches[event.switch] if event.switch != NOWHERE else "",

@@ -62,7 +62,7 @@ def bound_once(problem: Problem, lay: Layout, box: Array) -> None:
     for i, mode in enumerate(lay.touch.modes):
         places = lay.index_places[lay.places_of_phase(i)]
         for tangent in mode.sticking:
-            if len(on[tangent]) > 1:
+            if len(on[tangent]) != 1 or not lay.touch.contacts.in_place[tangent]:
                 continue
             j = int(on[tangent][0])
             unknowns = places[:, j]

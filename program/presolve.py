@@ -116,6 +116,7 @@ def _settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Sett
             _relate(rows, _alike(values(problem, back), values(problem, end)), last)
         same = _alike(_tangents(problem, back), _tangents(problem, end)).diagonal()
         stuck[lay.stepped - 1] |= same & touch.sticks.all(axis=0)
+    stuck &= touch.contacts.in_place  # rates along steps depend on all of these
     if floating := list(touch.contacts.floating):
         kept = _stuck([_gaps(problem, at) for at in nodes], touch.is_closed)
         places[0, floating], places[1:, floating] = True, kept[:, floating]

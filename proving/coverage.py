@@ -38,6 +38,8 @@ def _of_statement(p: Problem) -> Iterator[str]:
 def _of_events(p: Problem) -> Iterator[str]:
     names, touch = p.kernels.surfaces, p.touch
     rough = [names[j] for j in p.model.rough]
+    for name in (names[j] for j in touch.contacts.in_space if touch.is_closed[:, j].any()):
+        yield f"contacts with two tangential directions that last: {name}"
     for i, event in enumerate(touch.events):
         at = f"event {i + 1} ({p.sequence[i]})"
         hit = names[event.hit] if event.hit != NOWHERE else ""

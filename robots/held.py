@@ -54,7 +54,23 @@ def held_values(description: Description, lock: Any, label: str) -> dict[str, fl
         held[name] = number(value, f"lock of joint {name}", ModelError)
     for name in joints:
         _follow(name, joints, held, label)
+    description.notes.extend(_left_behind(name, joints, held) for name in lock)
     return held
+
+
+def _left_behind(name: str, joints: Mapping[str, Joint], held: Mapping[str, float]) -> str:
+    """A note on a joint that is locked elsewhere than where its leader has it; empty for others."""
+    leader, _ = joints[name].follows or ("", ())
+    if not leader:
+        return ""
+    if leader not in held:
+        return f"joint {name} is locked: it does not follow joint {leader}, which moves alone"
+    way = joints[name].zero + powers(joints[name], held[leader] - joints[leader].zero)
+    if held[name] == way:
+        return ""
+    return (
+        f"joint {name} is locked at {held[name]:g}, where joint {leader} would have it at {way:g}"
+    )
 
 
 def _follow(name: str, joints: Mapping[str, Joint], held: dict[str, float], label: str) -> None:

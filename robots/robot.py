@@ -86,7 +86,7 @@ class Robot(Shown):
         self.attitudes, self.bounds = tuple(machine.attitudes), machine.bounds
         self.tangents, self.friction = machine.tangents, machine.friction
         self.mass = sum(part.mass for part in parts)
-        self.notes = tuple(dict.fromkeys(description.notes))
+        self.notes = tuple(dict.fromkeys(filter(None, description.notes)))
 
     def _take(self, part: Part, body: Body, surfaces: Names) -> None:
         """The links and shapes of a part, by their names."""

@@ -125,7 +125,8 @@ def _rubbing(phases: list[EventPhase], contacts: Contacts) -> Iterator[list[Even
     """Phases with other friction after an event, of one contact or of all, or with another course
     of a hit from the same sliding."""
     for i, phase in enumerate(phases[1:], 1):
-        rubbing = phase.mode.rubbing
+        fixed = {k for pair in contacts.rolling for k in pair}
+        rubbing = [k for k in phase.mode.rubbing if k not in fixed]
         at_surfaces = [k for k in rubbing if contacts.supports[k] != RAIL]
         ways = [{k: s} for s in STATES for k in rubbing]
         ways += [dict.fromkeys(at_surfaces, s) for s in STATES]

@@ -136,7 +136,7 @@ def _bumps(relaxed: RelaxedMotion, modes: Sequence[Mode]) -> tuple[list[Mode], d
     lay, x, problem = relaxed.nlp.layout, relaxed.x, relaxed.nlp.problem
     contacts, modes, hits = lay.touch.contacts, list(modes), dict[int, Hit]()
     for j in map(int, np.flatnonzero(problem.restitution_values != 0)):
-        if contacts.rubs_on(j) is not None:
+        if contacts.rubs_on(j):
             continue
         for a, b in _stays(modes, j):
             if a == 0 or b == len(modes) or b - a > FEWEST:

@@ -26,7 +26,7 @@ cdef class Conditions:
     # their gradients C and the directions B of their pushes at one state, and the places of
     # surfaces and tangents; joints are the last.
     cdef ptrdiff_t m, closed, sticking, sliding
-    cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, exchange
+    cdef ptrdiff_t[::1] closed_at, sticks_at, slides_at, presses, support, partner, exchange
     cdef ptrdiff_t[::1] gamma_row, gamma_column, sigma_row, sigma_column, phi_row, phi_column
     # Coefficients of friction of rows of states, of what slides and, where there are others, of
     # what sticks, and which of them vary; directions of sliding.
@@ -84,7 +84,9 @@ cdef class Conditions:
         """Make what joints, and modes with contacts or friction, need."""
         cdef ptrdiff_t nq = self.nq, rows = self.capacity, most = self.nc + self.nt + self.nj
         kernels, self.ready = self.kernels, True
-        self.contacts = Contacts(tuple(kernels.surfaces), tuple(kernels.tangents))
+        self.contacts = contacts_of(kernels.manifest)
+        partner = {k: j for pair in self.contacts.rolling for k, j in (pair, pair[::-1])}
+        self.partner = np.array([*(partner.get(k, NOWHERE) for k in range(self.nt)), NOWHERE])
         self.support = np.array([*self.contacts.supports, RAIL], dtype=np.intp)
         none = np.zeros(0, dtype=np.intp)
         self.gamma_row = self.gamma_column = self.sigma_row = self.sigma_column = none
@@ -271,9 +273,12 @@ cdef class Conditions:
         """What row i leaves tangent k until its friction changes: of its cone where it sticks, of
         its speed, which is the last that was evaluated, where it slides; 1 where it does not rub."""
         cdef ptrdiff_t p = self.closed_at[self.support[k]] if self.support[k] >= 0 else -1
-        cdef double load = self.lam[i * self.m + p] if p >= 0 else 1.0
+        cdef double load = self.lam[i * self.m + p] if p >= 0 else 1.0, needs
         if self.sticks_at[k] >= 0:
-            return self.mu_s[i * self.nt + k] * load - fabs(self.lam[i * self.m + self.sticks_at[k]])
+            needs = self.lam[i * self.m + self.sticks_at[k]]
+            if self.partner[k] >= 0:
+                needs = hypot(needs, self.lam[i * self.m + self.sticks_at[self.partner[k]]])
+            return self.mu_s[i * self.nt + k] * load - fabs(needs)
         if self.slides_at[k] >= 0:
             return self.speed[i * self.nt + k] if not self.mu[i * self.nt + k] < 0 else -1.0
         return 1.0

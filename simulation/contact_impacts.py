@@ -81,6 +81,12 @@ def struck(model: Model, at: Place, reaction: Reaction, restitution: Array, h: f
     if len(hit) == 1 and _uncoupled(model, at, hit[0], on):
         by = POISSON if hit[0] in model.rough else None
         return _alone(model, at, hit[0], by, float(e[hit[0]]))
+    for name in model.contacts.named(j for j in rough if j in model.contacts.in_space):
+        raise SimulationError(
+            f"{names} touch at t = {at.t:.6g} s in an impact, and the friction of {name!r} has two "
+            "directions, in which sliding may turn: stop before it, or give its tangent one "
+            "direction."
+        )
     if (outcome := _at_once(model, at, on, hit, e)) is not None:
         return outcome
     if not rough:

@@ -209,7 +209,8 @@ def kept(
         least[:, j] = left
     bears, slides = np.full((len(q), model.nt), np.inf), np.full((len(q), model.nt), np.inf)
     if stuck:
-        bears[:, stuck] = (model.bearing(reaction.normal) - np.abs(reaction.tangential))[:, stuck]
+        needs = model.contacts.needed(reaction.tangential)
+        bears[:, stuck] = (model.bearing(reaction.normal) - needs)[:, stuck]
     if mode.sliding:
         rates = model.slide_rates(q, v, t)
         for k, forward in conditions_of(model, mode).forward(rates).items():

@@ -214,7 +214,9 @@ def _events_shown(model: Model, modes: list[Mode], journal: MotionRecord) -> Ite
     for mode in dict.fromkeys(modes[-MOST_SHOWN:]):
         closed, rubbing = names_of(model.contacts, mode)
         words = [f"{name!r} closed" for name in closed]
-        words += [f"{name!r} {friction_word(s)}" for name, s in rubbing.items()]
+        words += [
+            f"{name!r} {friction_word(s)}" for name, s in model.contacts.said(rubbing).items()
+        ]
         yield " and ".join(words) or "all open"
 
 

@@ -20,7 +20,7 @@ The method is DOP853, that of Hairer, Norsett and Wanner of order 8 (dormand_pri
 equal parts as its error estimate asks for.  Kernels in C run without the GIL; kernels on NumPy take
 the same way.  An integrator belongs to one thread.
 """
-from libc.math cimport INFINITY, NAN, fabs, fmax, isfinite, pow, sqrt
+from libc.math cimport INFINITY, NAN, fabs, fmax, hypot, isfinite, pow, sqrt
 from libc.time cimport CLOCKS_PER_SEC, clock, clock_t
 
 from dmoc_kernel cimport DMOC_MOST, dmoc_entry, find_kernel
@@ -31,7 +31,7 @@ import numpy as np
 from dmoc.base.tolerances import DEPENDENT
 from dmoc.mechanics.conditions import GAPS, TANGENTS, conditions_among
 from dmoc.mechanics.contact_mode import FREE
-from dmoc.mechanics.contacts import RAIL, Contacts
+from dmoc.mechanics.contacts import NOWHERE, RAIL, contacts_of
 from dmoc.simulation.contact_modes import Reaction
 from dmoc.simulation.dormand_prince import shares, sums
 

@@ -26,7 +26,7 @@ from dmoc.mechanics.conditions import conditions_of
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import RAIL
 from dmoc.mechanics.model import Model
-from dmoc.motion.friction import FRICTION, sliding_with
+from dmoc.motion.friction import FRICTION, STICK, sliding_with
 from dmoc.simulation.contact_modes import borne
 from dmoc.simulation.friction_at import with_friction
 from dmoc.simulation.integrator import Integrator
@@ -167,7 +167,6 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         return False
 
     mode = first_mode(model, on, sigma, at.small.slide, hints, holds, rails=True)
-    _check_lasting(model, at, mode)
     if others:
         mode = _at_rest(setting, at, mode, others)
     if mode is None and not np.isfinite(model.acceleration(q, v, at.u[None], t)).all():
@@ -177,6 +176,7 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
         )
     if mode is None:
         check_driven(model, at, on)
+        _check_sliding(model, at, on)
         names = ", ".join(repr(model.kernels.surfaces[j]) for j in on) or "the rails"
         raise SimulationError(
             f"no state of contact and friction of {names} at t = {at.t:.6g} s obeys the laws of "
@@ -185,15 +185,14 @@ def mode_at(setting: Setting, at: Place, hints: Hints) -> Mode:
     return mode
 
 
-def _check_lasting(model: Model, at: Place, mode: Mode | None) -> None:
-    """Refuse contacts that last whose tangent has two directions."""
-    for j in mode.closed if mode else ():
-        if j in model.contacts.in_space:
-            raise SimulationError(
-                f"{model.kernels.surfaces[j]!r} stays closed from t = {at.t:.6g} s on, and the "
-                "friction of its two tangential directions acts in hits alone: stop before it, or "
-                "state rolling as constraints of velocities."
-            )
+def _check_sliding(model: Model, at: Place, on: Sequence[int]) -> None:
+    """Refuse sliding that lasts in two tangential directions."""
+    for name in model.contacts.named(j for j in on if j in model.contacts.in_space):
+        raise SimulationError(
+            f"{name!r} stays closed from t = {at.t:.6g} s on and slides, and sliding that lasts "
+            "may turn in its two tangential directions: stop before it, give it enough friction to "
+            "stick, or give its tangent one direction."
+        )
 
 
 def check_driven(model: Model, at: Place, on: Sequence[int]) -> None:
@@ -237,7 +236,8 @@ def is_borne(
     if not ((normal >= -small) | model.contacts.pull).all():
         return False
     bears = model.bearing(normal).reshape(model.nt) if mode.sticking else slack
-    return all(abs(tangential[k]) <= bears[k] + slack[k] for k in mode.sticking)
+    needs = model.contacts.needed(tangential)
+    return all(needs[k] <= bears[k] + slack[k] for k in mode.sticking)
 
 
 def first_mode(
@@ -247,7 +247,7 @@ def first_mode(
     """The first combination that holds; those of the hints come first, then what sticks."""
     at = model.supports
     rubs = [k for k, j in enumerate(at) if rails and j == RAIL and model.has_friction[k]]
-    options = [_options(j, model.rough.get(j), sigma, small, hints) for j in on]
+    options = [_options(model, j, sigma, small, hints) for j in on]
     options += [_signs(k, sigma, small, hints) for k in rubs]
     keys = [*[model.rough.get(j, RAIL) for j in on], *rubs]
     if math.prod(map(len, options)) > MOST_COMBINATIONS:
@@ -257,18 +257,26 @@ def first_mode(
         )
     for states in product(*options):
         closed = tuple(j for j, s in zip(on, states, strict=False) if s != OPEN)
-        rubbing = [(k, s) for k, s in zip(keys, states, strict=True) if s not in (OPEN, SMOOTH)]
+        rubbing = [
+            (direction, s)
+            for k, s in zip(keys, states, strict=True)
+            if s not in (OPEN, SMOOTH)
+            for direction in model.contacts.directions(k)
+        ]
         mode = Mode.in_order(closed, rubbing)
         if holds(mode, tuple(j for j in on if j not in closed)):
             return mode
     return None
 
 
-def _options(
-    j: int, tangent: int | None, sigma: Array, small: Array, hints: Hints
-) -> tuple[int, ...]:
-    """States that a touched contact may take."""
-    closed = (SMOOTH,) if tangent is None else _signs(tangent, sigma, small, hints)
+def _options(model: Model, j: int, sigma: Array, small: Array, hints: Hints) -> tuple[int, ...]:
+    """States that a touched contact may take; one with two tangential directions does not slide."""
+    tangent, closed = model.rough.get(j), tuple[int, ...]((SMOOTH,))
+    if j in model.contacts.in_space and tangent is not None:
+        along = model.contacts.directions(tangent)
+        closed = (STICK,) if (np.abs(sigma) <= small)[along].all() else ()
+    elif tangent is not None:
+        closed = _signs(tangent, sigma, small, hints)
     return (OPEN, *closed) if j in hints.opening else (*closed, OPEN)
 
 

@@ -98,7 +98,8 @@ class MotionRecord:
         """A mode begins, or, without one, the simulation ends; return whether it is another
         one."""
         closed, rubbing = names_of(model.contacts, mode or FREE)
-        now: set[tuple[str, int | None]] = {*((name, None) for name in closed), *rubbing.items()}
+        rubs = model.contacts.said(rubbing).items()
+        now: set[tuple[str, int | None]] = {*((name, None) for name in closed), *rubs}
         ended = [key for key in self.going if key not in now]
         changed = bool(ended) or not now <= set(self.going)
         for name, friction in ended:

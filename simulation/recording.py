@@ -197,6 +197,7 @@ def _collision(run: Run, event: _Moment, before: Phase, after: Phase) -> Collisi
     numbers, h = model.surface_numbers, run.step_size
     off = tuple(name for name in leaves if _slips_off(model, event, numbers[name], h))
     changed = {n: s for n, s in after.rubbing.items() if before.rubbing.get(n) != s}
+    changed = model.contacts.said(changed)
     stays = [*lands, *(name for name in before.closed if name in after.closed)]
     hit = [c for c in event.collisions if c.surface not in stays]
     surface = hit[0].surface if hit else (lands[0] if lands else "")

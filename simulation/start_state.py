@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dmoc.base.arguments import array, check_known, number, shown
+from dmoc.base.arguments import array, check_known, check_largest, number, shown
 from dmoc.base.errors import SimulationError
 from dmoc.base.names import omega_names, velocity_name
 from dmoc.codegen.kernels import Array, Kernels
@@ -63,4 +63,6 @@ def vector(
         raise SimulationError(
             f"{what} = {shown(values)}: expected {len(names)} finite numbers ({', '.join(names)})."
         )
+    for name, value in zip(names, vector.tolist(), strict=True):
+        check_largest(value, f"{what} of {name}", SimulationError)
     return np.array(vector)

@@ -18,6 +18,7 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import TINY
 from dmoc.codegen.kernels import Array
 from dmoc.guess.hits import jams
+from dmoc.motion.friction import STICK
 from dmoc.problem.problem import Problem
 from dmoc.program.active_constraints import active_bounds
 from dmoc.program.blocks import Block, Index
@@ -115,10 +116,13 @@ def diagnose(problem: Problem, scale: Scale, x: Array, options: Options) -> Diag
 def _sticking(nlp: Transcription, holding: NDArray[np.bool_]) -> Iterator[str]:
     """Sentences on tangents that stick along the motion, where their equations are among those that
     hold it, by a mask of shape (n_eq,)."""
-    stuck = nlp.laws.friction.stuck
-    for k in np.unique(stuck.places[holding[stuck.numbers]][:, 1]):
-        name = nlp.kernels.tangents[k]
-        yield f"{name} sticks (it may slide by {name}:slip+ or {name}:slip-)"
+    stuck, contacts = nlp.laws.friction.stuck, nlp.layout.touch.contacts
+    along = np.unique(stuck.places[holding[stuck.numbers]][:, 1])
+    held = {contacts.tangents[k]: STICK for k in along}
+    for name in contacts.said(held):
+        turns = name in dict(contacts.pairs)
+        slides = "" if turns else f" (it may slide by {name}:slip+ or {name}:slip-)"
+        yield f"{name} sticks{slides}"
 
 
 def _pulls(problem: Problem, scale: Scale, x: Array, options: Options) -> tuple[str, ...]:

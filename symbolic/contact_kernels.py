@@ -305,13 +305,28 @@ def _with_rate_slopes(
 
 def joint_step_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
     """Kernels of the constraints of velocities at the quadrature points of a step, times h."""
-    if not any(keeps_rate(f, phi) for phi in f.phi):
-        return []
-    zero = f.L.graph.zero
-    moved = [e.h * c if keeps_rate(p.start, c) else zero for p in e.points for c in p.start.phi]
     text = "Constraints of velocities at the points of a step, times its size; 0 of the others."
+    return _rates_within("joint_step", text, "c_d", (f, e, step), [p.start.phi for p in e.points])
+
+
+def slide_step_kernels(f: Continuous, e: StepElement, step: tuple[Input, ...]) -> list[KernelSpec]:
+    """Kernels of the tangents that are sliding velocities, as those of constraints."""
+    text = "Sliding velocities at the points of a step, times its size; 0 of positions."
+    return _rates_within("slide_step", text, "s_d", (f, e, step), [p.start.tau for p in e.points])
+
+
+def _rates_within(
+    name: str, text: str, output: str, of: tuple[Continuous, StepElement, tuple[Input, ...]],
+    functions: Sequence[Sequence[Any]],
+) -> list[KernelSpec]:  # fmt: skip
+    """Kernels of functions that are rates at the quadrature points of a step, times h."""
+    f, e, step = of
+    pairs = [(p.start, c) for p, own in zip(e.points, functions, strict=True) for c in own]
+    if not any(keeps_rate(start, c) for start, c in pairs):
+        return []
+    moved = [e.h * c if keeps_rate(start, c) else f.L.graph.zero for start, c in pairs]
     ways = e.chain, e.spread, e.definitions
-    return family("joint_step", text, step, {"c_d": moved}, parameters(f), *ways)
+    return family(name, text, step, {output: moved}, parameters(f), *ways)
 
 
 def _ends_of_step(f: Continuous) -> list[tuple[Input, Input]]:

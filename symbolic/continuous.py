@@ -15,7 +15,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.names import name_of, unit_constraint, velocity_name
-from dmoc.motion.impact_laws import BALL
+from dmoc.motion.impact_laws import BALL, second_of
 from dmoc.symbolic.contact_references import forces_of
 from dmoc.symbolic.conversion import plain_nodes, to_nodes
 from dmoc.symbolic.definitions import rate_of, rate_symbol, symbols_of
@@ -106,7 +106,8 @@ class Continuous:
             # a symbol of the model may look like a given one.
             return expression.xreplace(table)
 
-        coefficients = [coefficients_of(system.friction.get(n, sp.S.Zero)) for n in system.tangents]
+        stated = friction_of(system)
+        coefficients = [coefficients_of(stated.get(n, sp.S.Zero)) for n in system.tangents]
         static, kinetic = (tuple(rewrite(pair[i]) for pair in coefficients) for i in (0, 1))
         return cls(
             tuple(q),
@@ -231,6 +232,15 @@ def coefficients_of_restitution(system: MechanicalSystem) -> tuple[Any, ...]:
     none."""
     stated = system.restitution
     return tuple(stated.get(name, sp.S.Zero) for name in system.gaps) if stated else ()
+
+
+def friction_of(system: MechanicalSystem) -> dict[str, Any]:
+    """Friction of all tangents that have some: of a tangent with two directions in both."""
+    stated = dict(system.friction)
+    for name, law in system.impact_laws.items():
+        if law == BALL and name in stated:
+            stated[second_of(name)] = stated[name]
+    return stated
 
 
 def coefficients_of_tangential_restitution(system: MechanicalSystem) -> tuple[Any, ...]:

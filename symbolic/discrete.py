@@ -369,5 +369,5 @@ def _substituted(f: Continuous, table: dict[Any, Any]) -> Continuous:
         return tuple(v.subs(table) if table else v for v in values)
 
     L, C, C_s = each((f.L, f.C, f.C_s))
-    own = {name: each(getattr(f, name)) for name in ("Q", "r", "z", "c", "mu", "l", "phi")}
+    own = {name: each(getattr(f, name)) for name in ("Q", "r", "z", "c", "mu", "l", "phi", "tau")}
     return replace(f, L=L, C=C, C_s=C_s, **own)

@@ -21,6 +21,7 @@ from dmoc.symbolic.contact_forces import forces_at_events, residual
 from dmoc.symbolic.contact_kernels import (
     joint_kernels,
     joint_step_kernels,
+    slide_step_kernels,
     surface_kernels,
     tangent_kernels,
     varying,
@@ -32,6 +33,7 @@ from dmoc.symbolic.continuous import (
     as_tuple,
     dot,
     energy,
+    friction_of,
     input_matrix,
     keeps_rate,
     mass_matrix,
@@ -188,7 +190,7 @@ def _facts(
     in_mass = set().union(*(e.free_symbols for row in mass_matrix(f) for e in row))
     in_forces = set().union(set(), *(e.free_symbols for row in input_matrix(f) for e in row))
     parts = split(system)
-    without = [name for name in system.tangents if name not in system.friction]
+    without = [name for name in system.tangents if name not in friction_of(system)]
     along = list(system.quantities_along)
     more = {"without_friction": without, "quantities": quantity_rows(f, along)}
     more |= {"hit_sums": event_rows(system), "hit_quantities": hit_quantity_rows(system)}
@@ -205,6 +207,9 @@ def _facts(
     more["varying_friction"] = path_rows(f, *varying(f, list(system.tangents)))
     more["rate_constraints"] = [
         name for name, c in zip(system.constraints, f.phi, strict=True) if keeps_rate(f, c)
+    ]
+    more["rate_tangents"] = [
+        name for name, tau in zip(system.tangents, f.tau, strict=True) if keeps_rate(f, tau)
     ]
     facts = {
         "explicit_time": any(
@@ -300,6 +305,7 @@ def _step_kernels(
             *ways,
         ),
         *joint_step_kernels(f, e, inputs),
+        *slide_step_kernels(f, e, inputs),
         *path_kernels(f, e, inputs),
         *quantity_kernels(f, e, inputs, _supports(system)),
         *objective_kernels(system, plain, f, e, inputs),

@@ -77,7 +77,7 @@ class MechanicalSystem(Shown):
         the surface ``floor``, whose point slides with the velocity tau'; the time where the
         other side moves.  A name that is no surface is a rail or a joint with dry friction.
         A pair ``{"floor": (v_x, v_y)}`` has both directions of a contact in space, as positions or
-        as sliding velocities; its friction acts in hits alone, which are those of a ball.
+        as sliding velocities: it is hit as a ball is, and lasts where it sticks.
     friction : mapping of str to Expr or pair of Expr, optional
         Of each tangent, as a smooth expression in q, u, t, parameters and ``dmoc.sliding_speed``,
         the magnitude of the tangent's rate, that is never negative:

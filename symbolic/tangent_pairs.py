@@ -64,6 +64,13 @@ def pairs_of(system: MechanicalSystem) -> dict[str, str]:
 def check_pairs(system: MechanicalSystem) -> None:
     """Refuse the law of a ball without two directions or friction, friction that varies along a
     motion, and directions that are no places and not linear in the velocities."""
+    rails = {*system.tangents} - {*system.surfaces}
+    for name in {*system.tangents} & {*system.surfaces} - {*pairs_of(system)}:
+        if (rail := second_of(name)) in rails:
+            raise ModelError(
+                f"the rail {rail!r} has the name of a second direction of the tangent of {name!r}: "
+                "rename it."
+            )
     for name, second in pairs_of(system).items():
         if name in system.surfaces and second not in system.tangents:
             raise ModelError(

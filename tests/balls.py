@@ -44,6 +44,16 @@ def returning(**more: Any) -> dmoc.MechanicalSystem:
     return spun(**(fields | more))
 
 
+def rolled(order: int, design: tuple[str, ...] = ()) -> dmoc.Problem:
+    """A landing on the floor, rolling, and a hit of a smooth wall on the way."""
+    system = spun(surfaces={"floor": z >= r, "wall": x <= 3 - r})
+    return dmoc.Problem(
+        kernels_of(system, order, design), start={**START, **RATES}, goal={"x": 0.4},
+        sequence=["+floor", "wall"], steps=2, final_time=(0.1, 5), restitution={"wall": 0.8},
+        design=dict.fromkeys(design, (0.3, 2.0)),
+    )  # fmt: skip
+
+
 def thrown(order: int, design: tuple[str, ...] = ()) -> dmoc.Problem:
     """Two hits on the floor and one on a wall: slides, sticks, and comes back."""
     tangents = {"wall": (y, z.diff() - r * b.diff()), "floor": spun().tangents["floor"]}

@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 import sympy as sp
-from balls import thrown
+from balls import rolled, thrown
 from liftoff_problems import everything
 from sympy.physics.mechanics import dynamicsymbols
 from systems import driven_system, landing_system, rod_system, slippery_rod_system
@@ -246,6 +246,8 @@ def program_of(form: str, pendulum: Kernels, puck: Kernels) -> Transcription:
     design = dict.fromkeys(names, (0.3, 2.0)) if "design" in form else {}
     if form.startswith("rebound"):
         return Transcription(rebound_problem())
+    if form.startswith("rolling"):
+        return Transcription(rolled(int(form[-1]), design=("mu",) if "design" in form else ()))
     if form.startswith("balls"):
         return Transcription(thrown(int(form[-1]), design=("r", "mu") if "design" in form else ()))
     if form.startswith("kinked"):

@@ -154,7 +154,7 @@ class FrictionLaw(LawAtContacts):
         lay, touch = self.lay, self.touch
         names, at = touch.contacts.tangents, self.along.at
         stops = lay.hit.moments[:, STOP, None]  # cones within the impact say more
-        cone = two_sided(self.along.along(self._grips))
+        cone = two_sided(self.along.along(self.sticking & self._lines))
         for i, k in np.argwhere(self.breaks).tolist():
             # what says that it breaks away says more of its side
             cone[self.last[i], k, int(touch.signs[i + 1, k] > 0)] = False
@@ -168,13 +168,23 @@ class FrictionLaw(LawAtContacts):
         )
         self.cone_of_impact = block(
             "cone of an impact",
-            two_sided(touch.drags & touch.sticks[1:] & (self.in_impacts != 0) & ~stops),
+            two_sided(
+                touch.drags & touch.sticks[1:] & (self.in_impacts != 0) & ~stops & self._lines
+            ),
             lambda i, j, _: f"friction cone of {names[j]} at event {i + 1}",
             lambda s: s.friction[:, None],
         )
 
     @property
-    def _grips(self) -> Bools:
+    def _lines(self) -> Bools:
+        """Tangents with one direction, shape (nt,): the cones of those with two are a law of their
+        own (:mod:`dmoc.program.laws.rolling`)."""
+        lines = np.ones(len(self.touch.contacts.tangents), dtype=bool)
+        lines[[k for pair in self.touch.contacts.rolling for k in pair]] = False
+        return lines
+
+    @property
+    def sticking(self) -> Bools:
         """Tangents that stick with friction, shape (phases, nt): without friction the cone has no
         interior, and bounds say T = 0."""
         return np.asarray(self.touch.sticks & (self.mu_s != 0))
@@ -214,6 +224,7 @@ class FrictionLaw(LawAtContacts):
         q, t = along.state(places)
         stuck, site = self.stuck.index, at_stations(self.lay)
         slides = ("dragging", where_it_slides(self.lay)) if self.slows else ("bearing", site)
+        stuck = np.where(self.touch.contacts.in_place, stuck, NOWHERE)
         return [
             *along.pushes("traction", unknowns.T, 1.0, places, laws),
             *along.rests("slide_rate", self.stopped.index, places),
@@ -304,8 +315,8 @@ class FrictionLaw(LawAtContacts):
         steps = slice(lay.ends[i], lay.ends[i + 1])
         for k, s in self.touch.modes[i].rubbing.items():
             name = self.touch.contacts.tangents[k]
-            if self.paired[k]:
-                continue  # friction jumps there
+            if self.paired[k] or not self._lines[k]:
+                continue  # friction jumps there, or slides in a direction that turns
             if sticks(s):
                 gives = by_step(self.stuck.index[rows, k])
                 for side, way in enumerate(sorted(SLIDING)):

@@ -37,6 +37,7 @@ from dmoc.program.laws.objective import ObjectiveLaw
 from dmoc.program.laws.open_grips import OpenGripsLaw
 from dmoc.program.laws.path import PathLaw
 from dmoc.program.laws.quantity import QuantityLaw
+from dmoc.program.laws.rolling import RollingLaw
 from dmoc.program.laws.sliding import SlidingLaw
 from dmoc.program.laws.step import StepLaw
 from dmoc.program.laws.surface_ends import SurfaceEndsLaw
@@ -79,6 +80,7 @@ class Laws:
     friction: FrictionLaw
     sliding: SlidingLaw
     breakaway: BreakawayLaw
+    rolling: RollingLaw
     hit: HitLaw
     tangential: TangentialLaw
     ball: BallLaw
@@ -115,7 +117,7 @@ class Laws:
         members."""
         if _is_untouched(self.contact.lay):
             return ()
-        rubbing = self.friction, self.sliding, self.breakaway
+        rubbing = self.friction, self.sliding, self.breakaway, self.rolling
         return self.contact, *rubbing, self.hit, self.tangential, self.ball, self.held
 
     def stating(self, problem: Problem) -> Laws:
@@ -185,7 +187,7 @@ def laws_of(
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.grazing)
         ball = BallLaw(lay, mu[:-1], model.tangential_restitution, impact.grazing)
         held = HeldLaw(contact, mu[:-1], impact.grazing, following_joints(problem))
-        rubbing = friction, sliding, BreakawayLaw(friction)
+        rubbing = friction, sliding, BreakawayLaw(friction), RollingLaw(contact, friction)
         of_contacts = contact, *rubbing, hit, returning, ball, held
     return Laws(
         StepLaw(problem, lay), PathLaw.of(problem, lay), PathLaw.of_quantities(problem, lay),
@@ -257,7 +259,15 @@ def _is_untouched(lay: Layout) -> bool:
 def _untouched(
     lay: Layout,
 ) -> tuple[
-    ContactLaw, FrictionLaw, SlidingLaw, BreakawayLaw, HitLaw, TangentialLaw, BallLaw, HeldLaw
+    ContactLaw,
+    FrictionLaw,
+    SlidingLaw,
+    BreakawayLaw,
+    RollingLaw,
+    HitLaw,
+    TangentialLaw,
+    BallLaw,
+    HeldLaw,
 ]:
     """Laws of contacts where there are none: their blocks have no members, so that all programs of
     a layout share them."""
@@ -271,7 +281,8 @@ def _untouched(
     held = HeldLaw(contact, mu[:-1], grazing, none)
     returning = TangentialLaw(lay, mu[:-1], mu[0], grazing)
     breakaway, ball = BreakawayLaw(friction), BallLaw(lay, mu[:-1], mu[0], grazing)
-    laws = contact, friction, sliding, breakaway, hit, returning, ball, held
+    rolling = RollingLaw(contact, friction)
+    laws = contact, friction, sliding, breakaway, rolling, hit, returning, ball, held
     for law in laws:
         law.equations(Numbering())
         law.inequalities(Numbering())

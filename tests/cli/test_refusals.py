@@ -206,6 +206,7 @@ def test_bad_models_are_one_sentence(
     ("reference", "message"),
     [
         ("pendulum_cart", "unknown model 'pendulum_cart'"),
+        ("a.npz", "'a.npz' names a file of a result: expected a model; read a solution with"),
         ("nothing.py:s", "does not exist"),
         ("a.txt:s", "does not exist"),
     ],

@@ -36,6 +36,7 @@ MORE = (
     *("ending contacts", "ending contacts, periodic, order 4", "ending joints, order 6"),
     *("ending joints, periodic", "ending hits with friction", "ending tangential"),
     *("ending forces, linear", "ending forces, order 4", "ending rebound, design"),
+    *("rolling, order 2", "rolling, design, order 4"),
     *("balls, order 2", "balls, design, order 4", "ending balls, design, order 2"),
     *("ending slippery contacts, order 4", "ending forces, constant"),
 )

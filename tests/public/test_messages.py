@@ -80,6 +80,7 @@ SimulationError: simulate(...)
     kernels=None | expected a MechanicalSystem, or the kernels
     kernels="ball" | expected a MechanicalSystem, or the kernels
     positions=[1.0] | unknown argument 'positions' of simulate ... (did you mean 'position'?)
+    velocity=[1e150] | velocity of q = 1e+150: expected a magnitude of at most 1e100
     dt=0.1 | unknown argument 'dt' of simulate ... (did you mean 'step_size'?)
     tolerance=0.1 | unknown argument 'tolerance' of simulate ... (an argument of
         dmoc.Planner, dmoc.solve)

@@ -148,6 +148,23 @@ def test_a_joint_that_mimics_has_no_coordinate(tmp_path: Path) -> None:
     assert locked.bodies["right"] is locked.bodies["palm"]
     places = [number(locked, locked.point(name)[1], math.pi) for name in ("left", "right")]
     assert places == pytest.approx([-0.2, 0.5 * 0.2 + 0.1])
+    assert not locked.notes and not fingers.notes
+
+
+@pytest.mark.parametrize(
+    ("lock", "notes"),
+    [
+        ({"right": 0.3}, "joint right is locked: it does not follow joint left, which moves alone"),
+        ({"left": 0.2, "right": 0.3}, "joint right is locked at 0.3, where joint left would have"),
+        ({"left": 0.2, "right": 0.2}, ""),
+    ],
+)
+def test_a_joint_that_is_locked_and_mimics_is_noted(
+    tmp_path: Path, lock: dict[str, float], notes: str
+) -> None:
+    fingers = read(tmp_path, FINGERS, lock=lock)
+    assert [note[: len(notes)] for note in fingers.notes] == ([notes] if notes else [])
+    assert ("left" in fingers.coordinates) == ("left" not in lock)
 
 
 @pytest.mark.parametrize("base", ["quaternion", "euler"])
