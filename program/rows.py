@@ -48,11 +48,11 @@ class RowNumbers:
         return on_limits(x.ravel(), self.sizes.ravel(), low, high, ON_LIMIT).reshape(x.shape)
 
 
-def row_numbers(problems: Stacked, nlp: Transcription, x: Array) -> RowNumbers:
-    """The numbers of problems of one form, of which one has the program ``nlp``, in the sizes of a
-    minimum x, shape (n,)."""
+def row_numbers(problems: Stacked, nlp: Transcription, x: Array, minimum: bool) -> RowNumbers:
+    """The numbers of R problems of one form, of which one has the program ``nlp``, in the sizes of
+    their unknowns x, shape (R, n), of first motions or of minima."""
     lay, count = nlp.layout, len(problems.each)
-    scale = scale_of_rows(problems, lay, x)
+    scale = scale_of_rows(problems, lay, x, minimum)
     constants = np.tile(nlp.numbers.constants, (count, 1))
     for row, values in nlp.laws.ends.constants_of(problems).items():
         constants[:, row] = values

@@ -145,18 +145,19 @@ def scale_of(problem: Problem, x: Array, minimum: bool = False) -> Scale:
         return replace(scale, path=path, quantity=quantity, peaks=peaks, totals=totals)
 
 
-def scale_of_rows(problems: Stacked, lay: Layout, x: Array) -> Scale:
-    """The sizes of problems of one form at a minimum x, shape (n,), that is one of a neighbour, as
+def scale_of_rows(problems: Stacked, lay: Layout, x: Array, minimum: bool) -> Scale:
+    """The sizes of R problems of one form, each off its own unknowns x, shape (R, n), as
     :func:`scale_of` reads them, with a leading axis for the problems: of motions that are free
     between hits."""
+    rows = list(zip(problems.each, x, strict=True))
     if problems.kernels.manifest.path_rows:  # looks along each motion
-        return _stacked([scale_of(problem, x, minimum=True) for problem in problems.each])
+        return _stacked([scale_of(problem, own, minimum) for problem, own in rows])
     with np.errstate(all="ignore"):
-        reached = [_reached(Iterate(problem, lay, x)) for problem in problems.each]
+        reached = [_reached(Iterate(problem, lay, own)) for problem, own in rows]
         of_all = reached[0]
         if not all(one is of_all for one in reached):
             of_all = _stacked(reached)
-        return _with_cost(Iterate(cast(Problem, problems), lay, x), of_all, True)[0]
+        return _with_cost(Iterate(cast(Problem, problems), lay, x), of_all, minimum)[0]
 
 
 def _stacked(every: Sequence[T]) -> T:
@@ -198,7 +199,7 @@ def _of_motion(at: Iterate, reached: Reached, minimum: bool) -> Scale:
         *single, size_q, size_v, size_p, size_u, gap, rate, energy / rate, slide,
         energy / slide, np.ones(len(problem.kernels.manifest.path_rows)),
         np.ones(problem.model.nz), np.ones(lay.index_totals.size), np.ones(lay.index_peaks.size),
-        _hidden(at, (*moving, size_u)), at.x[lay.index_h], joint_rate,
+        _hidden(at, (*moving, size_u)), at.x[..., lay.index_h], joint_rate,
         energy / joint_rate, _places(reached.crossing, (by_state, by_rate, time))[0],
         _hit_quantities(at), _designs(problem), *_places(reached.within, moving),
     )  # fmt: skip

@@ -1,5 +1,5 @@
-"""Minima of many programs of one form, each from its own point with multipliers, in compiled code
-(rows.pxi)."""
+"""Minima of many programs of one form, each from its own point, perhaps with multipliers, in
+compiled code (rows.pxi)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dmoc.program.rows import RowNumbers, RowPrograms
 from dmoc.program.transcription import Transcription
 from dmoc.solvers import curvature
 from dmoc.solvers.compiled import Rows
-from dmoc.solvers.ipm import LEAST, WARM, demands, stretches
+from dmoc.solvers.ipm import COLD, LEAST, WARM, demands, stretches
 from dmoc.solvers.kkt import LEAST_COST, SCALE_FROM
 from dmoc.solvers.kkt_layout import kkt_layout
 from dmoc.solvers.outcome import Duals, Options
@@ -45,11 +45,13 @@ class RowEnds:
 
 
 def solve_rows(
-    nlp: Transcription, numbers: RowNumbers, x: Array, duals: Duals, options: Options
+    nlp: Transcription, numbers: RowNumbers, x: Array, duals: Duals | None, options: Options
 ) -> RowEnds:
-    """Minimise rows of which one has the program ``nlp``, from scaled unknowns x, shape (R, n),
-    with multipliers of this leading axis."""
-    count, lay = len(x), nlp.layout
+    """Minimise rows of which one has the program ``nlp``, from scaled unknowns x, shape (R, n); of
+    neighbouring solutions with multipliers of this leading axis."""
+    count, lay, warm = len(x), nlp.layout, duals is not None
+    if duals is None:
+        duals = Duals(*(np.zeros((count, size)) for size in (nlp.n_eq, nlp.n_in, nlp.n)))
     programs = RowPrograms.of(nlp, numbers)
     program = Program(nlp.kernels, programs.data, nlp.program)
     point = (
@@ -62,17 +64,18 @@ def solve_rows(
     of_form = stretches(nlp), *looking, len(lay.index_h)
     rows = Rows(
         program, kkt_layout(nlp), programs.elements, programs.rows, point,
-        (left, iterations, strict.view(np.uint8)), of_form, _demands(options),
-        demands(options) | {"iterations": options.iterations},
+        (left, iterations, strict.view(np.uint8)), of_form,
+        _demands(options, WARM if warm else COLD),
+        demands(options) | {"iterations": options.iterations, "warm": warm},
     )  # fmt: skip
     rows.solve(options.deadline.left)
     x, y, z_lower, z_upper = point
     return RowEnds(x, y, z_lower - z_upper, strict, iterations, *left.T)
 
 
-def _demands(options: Options) -> dict[str, float]:
-    """What a strict minimum is."""
+def _demands(options: Options, barrier: float) -> dict[str, float]:
+    """The first barrier of a cost, and what a strict minimum is."""
     return {
         "optimality": options.optimality, "violation": options.violation, "least_cost": LEAST_COST,
-        "scale_from": SCALE_FROM, "warm": WARM, "least": LEAST, **curvature.STRICT,
+        "scale_from": SCALE_FROM, "barrier": barrier, "least": LEAST, **curvature.STRICT,
     }  # fmt: skip

@@ -1,13 +1,13 @@
 """Solves of the rows of one form, one after the other with nothing of Python between two of them
-(row_solves.py): each from its own point with its multipliers, judged, and looked at in second
-order."""
+(row_solves.py): each from its own point, a first motion or a neighbouring solution with its
+multipliers, judged, and looked at in second order."""
 
 
 cdef struct Demands:
     # Largest residuals of a solution, and the cost below which these are another matter.
     double optimality, violation, least_cost, scale_from
     # First barriers, and constants of the second order (curvature.py).
-    double warm, least, clearly, noise, level, bent, fixed, relaxed, held, idle
+    double barrier, least, clearly, noise, level, bent, fixed, relaxed, held, idle
 
 
 cdef class Rows:
@@ -53,7 +53,7 @@ cdef class Rows:
         self.count, self.parameters = self.x.shape[0], self.par.shape[1]
         self._fit(*numbers, *point, *ends, *of_form[:3])
         self.demands = demands
-        self.options.least_violation, self.options.price, self.options.warm = False, NULL, True
+        self.options.least_violation, self.options.price = False, NULL
         self.options.clock, self.options.report = dmoc_clock, _report
         self._set(**limits)
         self.size, self.reach = np.ones(n), np.ones(n)
@@ -88,11 +88,12 @@ cdef class Rows:
 
     def _set(
         self, *, double optimality, double demanded, double violation, double least_cost,
-        double infeasible, int iterations,
+        double infeasible, int iterations, bint warm,
     ):
         self.options.optimality, self.options.demanded = optimality, demanded
         self.options.violation, self.options.least_cost = violation, least_cost
         self.options.infeasible, self.options.iterations = infeasible, iterations
+        self.options.warm = warm
 
     def solve(self, double seconds):
         """Solve the rows until a time has passed; returns how many had their turn."""
@@ -150,7 +151,7 @@ cdef class Rows:
             self.size[i] = x[i]
         dmoc_put(&self.c, x)
         dmoc_assemble(&self.c.values, self.c.pool, &self.values[0])
-        self.options.mu = self.demands.warm * fabs(self.values[0])
+        self.options.mu = self.demands.barrier * fabs(self.values[0])
         if self.demands.least > self.options.mu:
             self.options.mu = self.demands.least
         result = dmoc_interior_point(

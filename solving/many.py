@@ -241,7 +241,7 @@ def _answers(
                 return
             left = len(numbers) - begin  # each worker gets some of them
             size = min(pace.together, left if here else left // (2 * workers) + 1)
-            size = 1 if here and like is None else max(size, least)
+            size = 1 if here and batch.keep else max(size, least)
             part = tuple((i, problems[i]) for i in numbers[begin : begin + size])
             yield Share(part, *of_solves, batch.keep, deadline)
             begin += size
@@ -311,7 +311,7 @@ def _together(share: Share) -> Iterator[Row]:
     if share.keep:
         return
     stated = [(i, p) for i, p in share.problems if isinstance(p, Problem)]
-    with suppress(DmocError):  # that of a single problem is its row
+    with suppress(Exception):  # a solve of its own tells that of a single problem
         yield from solved_rows(stated, share.keywords, share.guess, share.deadline)
 
 

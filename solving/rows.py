@@ -1,5 +1,5 @@
-"""Neighbours of one form, solved as rows from one solution: their structure is made once, their
-numbers are rows of arrays.
+"""Problems of one form, solved as rows, from one solution or each from its own guess: their
+structure is made once, their numbers are rows of arrays.
 
 A row that ends in a strict minimum is what a solve of its own finds, and so is what the check makes
 of it.  Ends of other kinds are left to a solve of their own.
@@ -8,7 +8,8 @@ of it.  Ends of other kinds are left to a solve of their own.
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property, partial
 from typing import Any
 
@@ -40,7 +41,7 @@ from dmoc.solving.grazing import SUSPECT
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.methods import COMPILED_METHOD
 from dmoc.solving.row import Row, row_of
-from dmoc.solving.starts import InitialGuess, starts_of
+from dmoc.solving.starts import InitialGuess, Starts, starts_of
 
 Bools = NDArray[np.bool_]
 # What the compiled check says of a row that passes; 0 of one that needs another look.
@@ -57,20 +58,21 @@ def solved_rows(
     guess: InitialGuess,
     deadline: Deadline,
 ) -> Iterator[Row]:
-    """Rows of the problems, with their numbers, that are neighbours of one form and end in a strict
-    minimum."""
-    if not isinstance(guess, Solution):
-        return
-    for numbers in _forms(problems).values():
-        first = problems[numbers[0]][1]
-        fits = _asks_for_it(first, keywords) and _is_free(first) and _starts_there(first, guess)
-        if len(numbers) < FEWEST or not fits or deadline.passed:
+    """Rows of the problems, with their numbers, that are of one form and end in a strict minimum
+    where they start first."""
+    for places in _forms(problems).values():
+        first = problems[places[0]][1]
+        fits = _asks_for_it(first, keywords) and _is_free(first)
+        if len(places) < FEWEST or not fits or deadline.passed:
             continue
         begin = time.perf_counter()
         with np.errstate(all="ignore"):
-            rows = _Rows.of([problems[k][1] for k in numbers], guess, keywords, deadline)
-        each = (time.perf_counter() - begin) / len(numbers)
-        yield from rows.answers([problems[k][0] for k in numbers], each)
+            starts = _RowStarts.of([problems[k] for k in places], guess, deadline)
+            if len(starts.numbers) < FEWEST:
+                continue
+            rows = _Rows.of(starts, keywords, deadline)
+        each = (time.perf_counter() - begin) / len(starts.numbers)
+        yield from rows.answers(each)
 
 
 def _forms(problems: Sequence[tuple[int, Problem]]) -> dict[Hashable, list[int]]:
@@ -112,19 +114,43 @@ def _is_free(problem: Problem) -> bool:
                for e in touch.events)  # fmt: skip
 
 
-def _starts_there(problem: Problem, guess: Solution) -> bool:
-    """Whether a solve of a problem starts with the unknowns and the multipliers of a guess."""
-    starts = starts_of(problem, guess)
-    same = len(starts.points) == 1 and starts.multipliers is not None
-    return same and np.array_equal(starts.points[0], guess.unknowns)
+@record(frozen=True, eq=False)
+class _RowStarts:
+    """Where problems of one form, with their numbers in a batch, start: the first unknowns of each,
+    shape (R, n), whether these are those of minima, and multipliers by kind where all start at one
+    solution."""
+
+    numbers: Sequence[int]
+    problems: Stacked
+    x: Array
+    minimum: bool
+    multipliers: Mapping[str, Array] | None
+
+    @classmethod
+    def of(
+        cls, problems: Sequence[tuple[int, Problem]], guess: InitialGuess, deadline: Deadline
+    ) -> _RowStarts:
+        """The starts of those problems that a guess fits, until a deadline."""
+        numbers, every, points = list[int](), list[Problem](), list[Array]()
+        starts = Starts(())
+        for number, problem in problems:
+            if deadline.passed:
+                break
+            same = isinstance(guess, Solution) and starts.multipliers is not None
+            with suppress(Exception):  # that of a single problem is its row
+                starts = starts if same else starts_of(problem, guess, deadline)
+                numbers.append(number)
+                every.append(problem)
+                points.append(starts.points[0])
+        x = np.array(points)
+        return cls(numbers, Stacked(every), x, starts.minimum, starts.multipliers)
 
 
 @record(frozen=True, eq=False)
 class _Rows:
     """Solved rows, of which the first one has the program ``nlp``, and their motions."""
 
-    problems: Stacked
-    guess: Solution
+    starts: _RowStarts
     keywords: Keywords
     deadline: Deadline
     nlp: Transcription
@@ -133,23 +159,26 @@ class _Rows:
     motions: FreeRows
 
     @classmethod
-    def of(
-        cls, every: Sequence[Problem], guess: Solution, keywords: Keywords, deadline: Deadline
-    ) -> _Rows:
-        problems, x = Stacked(every), guess.unknowns
-        first = problems.first
-        nlp = Transcription(first, scale_of(first, x, minimum=True))
-        numbers = row_numbers(problems, nlp, x)
-        rows, z = collected_multipliers(nlp, guess.multipliers)
-        y = rows / (numbers.cost[:, None] / numbers.row_sizes)
-        z = z / (numbers.cost[:, None] / numbers.sizes)
-        duals = Duals(y[:, : nlp.n_eq], y[:, nlp.n_eq :], z)
+    def of(cls, starts: _RowStarts, keywords: Keywords, deadline: Deadline) -> _Rows:
+        problems, x, minimum = starts.problems, starts.x, starts.minimum
+        first, duals = problems.first, None
+        nlp = Transcription(first, scale_of(first, x[0], minimum))
+        numbers = row_numbers(problems, nlp, x, minimum)
+        if starts.multipliers is not None:
+            rows, z = collected_multipliers(nlp, starts.multipliers)
+            y = rows / (numbers.cost[:, None] / numbers.row_sizes)
+            z = z / (numbers.cost[:, None] / numbers.sizes)
+            duals = Duals(y[:, : nlp.n_eq], y[:, nlp.n_eq :], z)
         until = deadline.share(FOR_SOLVES) if keywords.verify else deadline
         options = Options(keywords.optimality, keywords.violation, keywords.iterations, until)
         ends = solve_rows(nlp, numbers, x / numbers.sizes, duals, options)
         at = numbers.physical(ends.x)
         motions = FreeRows.of(first, nlp.layout, numbers.parameters, at)
-        return cls(problems, guess, keywords, deadline, nlp, numbers, ends, motions)
+        return cls(starts, keywords, deadline, nlp, numbers, ends, motions)
+
+    @property
+    def problems(self) -> Stacked:
+        return self.starts.problems
 
     @cached_property
     def minima(self) -> Bools:
@@ -180,9 +209,9 @@ class _Rows:
             suspected |= faint | (self.ends.x[:, lay.impact.lam[i]] <= SUSPECT)
         return suspected
 
-    def answers(self, numbers: Sequence[int], seconds: float) -> Iterator[Row]:
-        """The rows that have ended in a minimum, of problems with some numbers, until the time is
-        over; after Ctrl-C those that have passed the check before."""
+    def answers(self, seconds: float) -> Iterator[Row]:
+        """The rows that have ended in a minimum, until the time is over; after Ctrl-C those that
+        have passed the check before."""
         which, interrupted = np.flatnonzero(self.minima), False
         begin, verdicts = time.perf_counter(), np.full(len(which), UNSEEN, np.uint8)
         try:
@@ -192,7 +221,7 @@ class _Rows:
         except KeyboardInterrupt:
             interrupted = True
         each = seconds + (time.perf_counter() - begin) / max(len(which), 1)
-        kept = self._kept(which, [numbers[k] for k in which.tolist()], each)
+        kept = self._kept(which, each)
         for k, row, verdict in zip(which.tolist(), kept, verdicts.tolist(), strict=True):
             if verdict == PASSES:
                 yield row
@@ -241,10 +270,11 @@ class _Rows:
         rates = np.array([(b.place, b.sign, b.value) for b in bounds], dtype=float)
         return watched, rates.reshape(-1, 3)
 
-    def _kept(self, which: Index, numbers: Sequence[int], seconds: float) -> Iterator[Row]:
-        """What a batch keeps of some rows, of problems with these numbers, that are solved."""
+    def _kept(self, which: Index, seconds: float) -> Iterator[Row]:
+        """What a batch keeps of some rows that are solved."""
         m, words = self.motions, self.problems.first.words
         check, status = "passed" if self.keywords.verify else "", str(Status.SOLVED)
+        numbers = [self.starts.numbers[k] for k in which.tolist()]
         columns = m.cost, m.final_time, m.event_times, m.impulse, self.ends.iterations
         for number, *values in zip(numbers, *(c[which].tolist() for c in columns), strict=True):
             cost, final_time, times, impulses, iterations = values
@@ -257,7 +287,8 @@ class _Rows:
         """The solution of a row, checked if it shall be."""
         problem, ends, n_eq = self.problems.each[k], self.ends, self.nlp.n_eq
         with np.errstate(all="ignore"):
-            nlp = Transcription(problem, scale_of(problem, self.guess.unknowns, minimum=True))
+            scale = scale_of(problem, self.starts.x[k], self.starts.minimum)
+            nlp = Transcription(problem, scale)
             duals = Duals.of_rows(n_eq, ends.y[k].copy(), ends.z[k].copy())
             left = Residuals(float(ends.optimality[k]), float(ends.violation[k]))
             count = int(ends.iterations[k])

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 import block_and_wall
 import numpy as np
 import pytest
+from batch_rows import MASSES, masses
 
 import dmoc
 from dmoc.base.errors import ProblemError
@@ -24,20 +25,8 @@ from dmoc.motion.trajectory import Array
 from dmoc.program.structure_cache import MEMORY
 from dmoc.solving import many
 from dmoc.solving.keywords import Keywords
-from dmoc.solving.many import BatchProgress
 
 pytestmark = pytest.mark.slow
-
-MASSES = (0.5, 1.0, 2.0)
-
-
-@pytest.fixture(scope="module")
-def block() -> dmoc.Problem:
-    return block_and_wall.problem(0.8, 10, 4)
-
-
-def masses(block: dmoc.Problem, *values: float) -> list[dmoc.Problem]:
-    return [block.but(parameters={"m": m}) for m in values]
 
 
 def same(a: dmoc.Batch, b: dmoc.Batch) -> bool:
@@ -150,32 +139,11 @@ def test_a_problem_that_cannot_be_solved_is_a_row(
         return solved(problem, *rest)
 
     monkeypatch.setattr(many, "solved", flawed)
+    monkeypatch.setattr(many.Pace, "together", 1)
     batch = dmoc.solve_many(masses(block, 0.5, 1.0, 2.0, 3.0))
     assert batch.status == ("solved", "refused", "failed", "solved")
     assert batch.message[1:3] == ("the second is none.", "ZeroDivisionError: by chance")
     assert np.isnan(batch.cost[1:3]).all() and batch.complete
-
-
-def test_time_and_ctrl_c_keep_what_was_done(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[BatchProgress] = []
-
-    def interrupt(p: BatchProgress) -> None:
-        seen.append(p)
-        if p.done == 2:
-            raise KeyboardInterrupt
-
-    batch = dmoc.solve_many(masses(block, *MASSES), progress=interrupt)
-    assert batch.status == ("solved", "solved", "not_tried")
-    assert batch.tried == 2 and not batch.complete
-    assert "Ctrl-C" in batch.message[2]
-    assert [(p.done, p.total, p.counts) for p in seen] == [
-        (1, 3, {"solved": 1}),
-        (2, 3, {"solved": 2}),
-    ]
-    slow = dmoc.solve_many(masses(block, *MASSES), seconds=0.3, progress=lambda p: time.sleep(0.4))
-    assert slow.status[1:] == ("not_tried",) * 2 and "time" in slow.message[1]
 
 
 class Deadly(dmoc.Problem):
@@ -199,84 +167,6 @@ def test_a_worker_that_dies_costs_only_its_problem(block: dmoc.Problem) -> None:
     while any(c.is_alive() for c in multiprocessing.active_children()):
         assert time.monotonic() < until
         time.sleep(0.05)
-
-
-class Counting(Executor):
-    """Does each share at once, and keeps how many problems it had."""
-
-    def __init__(self) -> None:
-        self.sizes = list[int]()
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.sizes.append(len(args[0].problems))
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
-
-
-@pytest.mark.parametrize(
-    "seconds, largest", [(1.0, 1), (0.05, 10), (1e-4, many.TOGETHER)], ids=["slow", "some", "quick"]
-)
-def test_quick_problems_travel_together_and_slow_ones_alone(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
-) -> None:
-    def solved(share: many.Share) -> list[many.Row]:
-        return [many.Row(number, "solved", "", seconds=seconds) for number, _ in share.problems]
-
-    monkeypatch.setattr(many, "solve_share", solved)
-    executor = Counting()
-    batch = dmoc.solve_many([block] * 1200, executor=executor)
-    assert batch.status == ("solved",) * 1200 and sum(executor.sizes) == 1200
-    assert executor.sizes[0] == 1 and max(executor.sizes) == largest
-    assert executor.sizes[-1] <= 2  # the last ones are small, so that none is waited for
-
-
-class Refusing(Executor):
-    """Takes one share."""
-
-    taken = 0
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if self.taken:
-            raise RuntimeError("closed")
-        self.taken += 1
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
-
-
-def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
-    problems = masses(block, 1.0, 1.0)
-    batch = dmoc.solve_many(problems, executor=Refusing(), verify=False)
-    assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
-
-
-class Broken(Executor):
-    """Raises, or returns what is no future."""
-
-    def __init__(self, answer: object) -> None:
-        self.answer = answer
-
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
-        if isinstance(self.answer, Exception):
-            raise self.answer
-        return self.answer
-
-
-@pytest.mark.parametrize(
-    ("answer", "says"),
-    [
-        (TypeError("no"), "the executor takes no more work (no)"),
-        (ValueError(), "the executor takes no more work (ValueError)"),
-        (OSError(28, "No space"), "the executor takes no more work ([Errno 28] No space)"),
-        (None, "the executor has returned None for work, no future"),
-    ],
-)
-def test_an_executor_that_is_broken_ends_the_work(
-    block: dmoc.Problem, answer: object, says: str
-) -> None:
-    batch = dmoc.solve_many(masses(block, 1.0, 1.0), executor=Broken(answer), verify=False)
-    assert batch.status == ("not_tried",) * 2 and set(batch.message) == {says}
 
 
 def test_where_no_worker_can_be_started_that_is_told(

@@ -2,125 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import block_and_wall
 import numpy as np
 import pytest
-from sympy.physics.mechanics import dynamicsymbols
-from systems import unit_mass
+from batch_rows import limited, neighbours, pendulum, puck, same
 
 import dmoc
-from dmoc.base.deadline import Deadline
 from dmoc.codegen.kernels import Kernels
-from dmoc.models.registry import find
 from dmoc.program.rows import row_numbers
 from dmoc.program.scaling import scale_of
 from dmoc.program.stacked import Stacked
 from dmoc.program.transcription import Transcription
 from dmoc.solvers.outcome import Duals, Options
 from dmoc.solvers.row_solves import solve_rows
-from dmoc.solving import many, rows
-from dmoc.solving.row import Row
+from dmoc.solving import rows
 
 pytestmark = pytest.mark.slow
-
-WORDS = ("status", "message", "collisions", "check")
-NUMBERS = ("cost", "final_time", "collision_times", "impulses", "iterations")
-
-
-@pytest.fixture
-def together(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The numbers of the problems that were solved as rows, however long they take."""
-    monkeypatch.setattr(many.Pace, "together", 64)
-    numbers, solved = list[int](), many.solved_rows
-
-    def noted(*args: Any) -> Iterator[Row]:
-        for row in solved(*args):
-            numbers.append(row.number)
-            yield row
-
-    monkeypatch.setattr(many, "solved_rows", noted)
-    return numbers
-
-
-@pytest.fixture
-def alone(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dmoc.Batch]:
-    """The rows of solves one by one."""
-
-    def solved(problems: list[dmoc.Problem], **options: Any) -> dmoc.Batch:
-        with monkeypatch.context() as patch:
-            patch.setattr(rows, "FEWEST", len(problems) + 1)
-            return dmoc.solve_many(problems, **options)
-
-    return solved
-
-
-def same(a: dmoc.Batch, b: dmoc.Batch) -> None:
-    for name in WORDS:
-        assert getattr(a, name) == getattr(b, name), name
-    for name in NUMBERS:
-        np.testing.assert_allclose(
-            getattr(a, name), getattr(b, name), rtol=1e-12, atol=1e-13, err_msg=name
-        )
-
-
-def moved(value: Any, by: Callable[[], float]) -> Any:
-    """A number, or a range, of a neighbour."""
-    if isinstance(value, tuple):
-        return tuple(moved(end, by) for end in value)
-    return value if value is None else value * by()
-
-
-def neighbours(base: dmoc.Problem, count: int, size: float) -> list[dmoc.Problem]:
-    """Problems whose numbers differ by a share at random: of each field in some of them."""
-    rng = np.random.default_rng(2026)
-
-    def by() -> float:
-        return float(1 + size * rng.uniform(-1, 1))
-
-    def field(stated: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: moved(value, by) for name, value in stated.items()}
-
-    parameters = dict(zip(base.kernels.parameters, base.parameter_values[0].tolist(), strict=True))
-    problems = []
-    for _ in range(count):
-        fields = {
-            "start": field(base.start), "goal": field(base.goal), "bounds": field(base.bounds),
-            "final_time": moved(base.final_time, by), "parameters": field(parameters),
-        }  # fmt: skip
-        kept = [name for name in fields if rng.random() < 0.6]
-        problems.append(base.but(**{name: fields[name] for name in kept}))
-    return problems
-
-
-def pendulum(order: int, **fields: Any) -> dmoc.Problem:
-    reference = find("cart_pendulum")
-    base = dmoc.Problem(reference.kernels(order), **reference.defaults)
-    return base.but(**{"steps": (7, 8), **fields})
-
-
-def puck(*hits: str) -> dmoc.Problem:
-    reference = find("puck_table")
-    base = dmoc.Problem(reference.kernels(), **reference.defaults)
-    return base.but(sequence=hits, steps=10)
-
-
-def limited() -> dmoc.Problem:
-    """A mass whose power is limited."""
-    x, u = dynamicsymbols("x u")
-    system = unit_mass(
-        "limited",
-        path_constraints={"power": 1e3 * u * x.diff(dynamicsymbols._t) <= 1e3},
-        cost=u**2 / 2,
-    )
-    return dmoc.Problem(
-        dmoc.build(system), start={"x": 0.0}, goal={"x": 0.6, "x_dot": 0.0}, final_time=1.0,
-        steps=12,
-    )  # fmt: skip
 
 
 CASES = {
@@ -167,6 +68,34 @@ def test_rows_are_what_solves_find(
     assert count >= (2 if case == "bounded velocity" else 4)
     same(batch, alone(problems, guess=guess))
     assert len(together) == count
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_rows_from_their_own_guesses_are_what_solves_find(
+    case: str, together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    """Each with sizes of its own, those of a first motion."""
+    problems = neighbours(CASES[case](), 5, 0.05)
+    batch = dmoc.solve_many(problems)
+    count = len(together)
+    same(batch, alone(problems))
+    assert len(together) == count >= 2
+
+
+def test_a_guess_that_cannot_be_made_costs_no_other(
+    together: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base, made = pendulum(2), rows.starts_of
+
+    def flawed(problem: dmoc.Problem, *rest: Any) -> Any:
+        if problem.parameters["l"] == 0.51:
+            raise ZeroDivisionError("by chance")
+        return made(problem, *rest)
+
+    monkeypatch.setattr(rows, "starts_of", flawed)
+    lengths = (0.5, 0.51, 0.52)
+    batch = dmoc.solve_many([base.but(parameters={"l": l}) for l in lengths], verify=False)
+    assert batch.solved.all() and together == [0, 2]
 
 
 def test_what_is_of_another_kind_is_solved_alone(
@@ -263,127 +192,22 @@ def test_kept_solutions_are_solved_one_by_one(together: list[int]) -> None:
     assert together
 
 
-def test_rows_stop_in_time_and_by_ctrl_c(
+def test_an_error_of_rows_is_left_to_solves(
     together: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    base = pendulum(2)
-    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
-    problems = neighbours(base, 40, 0.02)
-    late = dmoc.solve_many(problems, guess=guess, seconds=0.02)
-    assert set(late.status) <= {"solved", "not_verified", "not_tried", "time_limit"}
-    assert "not_tried" in late.status
-
-    def interrupted(*args: Any) -> Any:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(rows, "row_numbers", interrupted)
-    batch = dmoc.solve_many(problems, guess=guess, verify=False)
-    assert batch.counts == {"interrupted": 1, "not_tried": 39}
-
-
-def test_rows_that_have_passed_before_ctrl_c_are_kept(
-    together: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Interrupted(rows.FreeMotion):
-        def judge(self, *args: Any) -> None:
-            verdicts = args[4]
-            verdicts[:7] = rows.PASSES
-            raise KeyboardInterrupt
-
-    base = pendulum(2)
-    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
-    monkeypatch.setattr(rows, "FreeMotion", Interrupted)
-    batch = dmoc.solve_many(neighbours(base, 20, 0.02), guess=guess)
-    assert batch.status[:8] == (*("solved",) * 7, "interrupted")
-    assert batch.counts == {"solved": 7, "interrupted": 1, "not_tried": 12}
-
-
-def test_threads_solve_rows_and_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No process is started for one problem that is left over."""
-    base = pendulum(2)
-    guess = dmoc.solve(base, "ipm", starts=1)
-    problems = [*neighbours(base, 30, 1e-3), base.but(steps=(6, 9))]
-    one = dmoc.solve_many(problems, guess=guess)
-    monkeypatch.setattr(many, "workforce", None)
-    for workers in (2, 3):
-        several = dmoc.solve_many(problems, guess=guess, workers=workers)
-        assert [getattr(several, name) for name in WORDS] == [getattr(one, name) for name in WORDS]
-        for name in NUMBERS:
-            assert getattr(several, name).tobytes() == getattr(one, name).tobytes()
-
-
-def test_what_threads_do_not_solve_is_left_to_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also what comes behind a share in which nothing is a row."""
-    base, given = pendulum(2), list[int]()
-    guess = dmoc.solve(base, "ipm", starts=1)
-    problems = [base.but(steps=(6, 9 + k)) for k in range(4)] + neighbours(base, 8, 0.02)
-    solved = many.solve_share
-
-    @contextmanager
-    def counted(workers: int, executor: None) -> Iterator[Any]:
-        def answers(work: Any, shares: Iterator[many.Share], deadline: Deadline) -> Iterator[Any]:
-            for share in shares:
-                given.extend(number for number, _ in share.problems)
-                yield solved(share)
-
-        yield answers
-
-    monkeypatch.setattr(many, "workforce", counted)
-    monkeypatch.setattr(many.Pace, "together", 3)
-    batch = dmoc.solve_many(problems, guess=guess, workers=2, verify=False)
-    assert batch.counts == {"solved": 12}
-    assert given[:4] == [0, 1, 2, 3] and len(set(given)) == len(given)
-
-
-def test_the_first_share_is_as_large_as_the_guess_was_quick(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    base, sizes, solved = pendulum(2), list[int](), many.solve_share
-    guess = dmoc.solve(base, "ipm", starts=1)
-
-    def counted(share: many.Share) -> list[Row]:
-        sizes.append(len(share.problems))
-        return solved(share)
-
-    monkeypatch.setattr(many, "solve_share", counted)
-    for seconds, first in ((0.1, 5), (10.0, 1), (1e-6, 8)):
-        sizes.clear()
-        timed = replace(guess, seconds={"solve": seconds / 2, "verify": seconds / 2})
-        dmoc.solve_many(neighbours(base, 8, 0.02), guess=timed, verify=False)
-        assert sizes[0] == first
-
-
-def test_rows_that_are_solved_in_time_are_kept(
-    together: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Those behind one that has no time too; where ends are checked, solves leave time for it."""
-    base = pendulum(2)
-    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
-    plain, left = neighbours(base, 3, 0.02), list[float]()
-
-    def late(*args: Any) -> Any:
-        left.append(args[-1].deadline.left)
-        ends = solve_rows(*args)
-        monkeypatch.setattr(Deadline, "passed", True)
-        return ends
-
-    problems = [plain[0], base.but(steps=(6, 9)), *plain[1:]]
-    with monkeypatch.context() as patch:
-        patch.setattr(rows, "solve_rows", late)
-        batch = dmoc.solve_many(problems, guess=guess, verify=False, seconds=1000.0)
-        assert batch.status == ("solved", "not_tried", "solved", "solved")
-        monkeypatch.setattr(Deadline, "passed", False)
-        batch = dmoc.solve_many(problems, guess=guess, seconds=1000.0)
-    assert batch.counts == {"not_tried": 4} and left[1] <= 500.0 < left[0]
-
-
-def test_an_error_of_rows_is_left_to_solves(together: list[int]) -> None:
+    """That of a guess that fits none, and that of all rows."""
     base = pendulum(2)
     guess = dmoc.solve(base, "ipm", starts=1, verify=False)
     shorter = [base.but(sequence=(), steps=10, goal={"x": 0.1}) for _ in range(3)]
     batch = dmoc.solve_many([base, *shorter], guess=guess, verify=False)
     assert batch.status == ("solved", "refused", "refused", "refused")
     assert "guess has 1 collisions" in batch.message[1] and not together
+
+    def flawed(*args: Any) -> Any:
+        raise ZeroDivisionError("by chance")
+
+    monkeypatch.setattr(rows, "row_numbers", flawed)
+    assert dmoc.solve_many([base, base], guess=guess, verify=False).solved.all() and not together
 
 
 def test_arrays_of_other_rows_are_refused() -> None:
@@ -392,7 +216,7 @@ def test_arrays_of_other_rows_are_refused() -> None:
     guess = dmoc.solve(base, "ipm", starts=1, verify=False)
     x = guess.unknowns
     nlp = Transcription(base, scale_of(base, x, minimum=True))
-    numbers = row_numbers(Stacked([base, base]), nlp, x)
+    numbers = row_numbers(Stacked([base, base]), nlp, np.tile(x, (2, 1)), True)
     count = nlp.n_eq, nlp.n_in, nlp.n
     duals = Duals(*(np.zeros((2, size)) for size in count))
     start = np.tile(nlp.scaled(x), (2, 1))
