@@ -18,8 +18,6 @@
 /* Boxes whose durations vary by less than this factor are as good as points, which are not divided:
  * all that is violated in them is priced at once. */
 #define POINTED (1 + 1e-9)
-/* The centre and two ends. */
-#define POINTS 3
 
 int engine_begin(Engine *e, const Problem *p, int workers)
 {
@@ -36,7 +34,7 @@ int engine_begin(Engine *e, const Problem *p, int workers)
     }
     const size_t costates = (size_t)p->phases * MOST_COSTATE * (MOST_MULTIPLIERS + 1);
     const size_t rows = (inputs + s) * (MOST_MULTIPLIERS + 1);
-    const size_t of_point = costates + rows + inputs + s, numbers = POINTS * of_point;
+    const size_t of_point = costates + rows + inputs + s, numbers = (p->phases + 3) * of_point;
     e->memory = calloc(1, lines * sizeof(line) + numbers * sizeof(double) + inputs * sizeof(Choice));
     if (!e->memory || cache_begin(&e->cache, p, workers))
         return 1;
@@ -48,7 +46,7 @@ int engine_begin(Engine *e, const Problem *p, int workers)
         e->values[i].curves = (curve *)at, at += d + d * d;
     }
     double *number = (double *)at;
-    for (int i = 0; i < POINTS; i++, number += of_point) {
+    for (int i = 0; i < p->phases + 3; i++, number += of_point) {
         Point *point = i ? e->ends + i - 1 : &e->centre.at;
         point->count = (int)inputs;
         point->costates = number;
@@ -111,7 +109,7 @@ static int centre_at(Engine *e, const double *low, const double *high, double en
                 return 1;
         }
         point_begin(p, c, t, steps, &c->at);
-        centre_maximise(p, 1, (const Point *[]){&c->at}, enough, c);
+        centre_maximise(p, 1, (const Point *[]){&c->at}, 1, enough, c);
         centre_choose(p, c);
         memcpy(multipliers, c->m, sizeof(double) * MOST_MULTIPLIERS);
         Priced worst;
@@ -171,6 +169,27 @@ static double over_range(Engine *e, const Steps *const *steps, const double *t, 
         slope[i] = value->c[1 + i] / f->most[i];
     const double bound = model_range(value).lo;
     return bound < e->aim ? fmax(bound, by_curvature(f, value, range, widths)) : bound;
+}
+
+/* Bound by the dual at multipliers that are good at several ends of a box at once, from its ``slope``
+ * at the centre. */
+static double by_ends(Engine *e, const double *low, const double *high, const double *t,
+                      const Range *range, double enough, const Steps **steps, double *widths,
+                      double *slope)
+{
+    Ends ends;
+    double best = -INFINITY, own[MOST_PHASES] = {0};
+    ends_begin(e, t, range, slope, &ends);
+    while (!ends_maximise(e, low, high, t, enough, steps, &ends)) {
+        const double bound = over_range(e, steps, t, range, own, slope);
+        if (bound > best) {
+            best = bound;
+            memcpy(widths, own, sizeof own);
+        }
+        if (best >= e->aim || ends_add(t, range, slope, &ends))
+            break;
+    }
+    return best;
 }
 
 double box_bound(Engine *e, const double *low, const double *high, double enough,
@@ -240,13 +259,14 @@ double box_bound(Engine *e, const double *low, const double *high, double enough
     const Range range = {below, above, interval_sub(interval_of(p->earliest), known).lo,
                          interval_sub(interval_of(p->latest), known).hi};
     bound = fmax(bound, over_range(e, steps, t, &range, widths, slope));
-    /* Where what is asked decides durations, the dual of the centre grows for ever. */
-    if (bound < e->aim && c->grows &&
-        !ends_maximise(e, low, high, t, &range, slope, enough, steps)) {
-        double others[MOST_PHASES] = {0};
-        const double by_ends = over_range(e, steps, t, &range, others, slope);
-        if (by_ends > bound) {
-            bound = by_ends;
+    /* Where what is asked decides durations, the dual of the centre grows for ever, or nearly so: its
+     * prices promise twice the cost there, and nothing in the rest of the box. */
+    const int promises = c->value >= enough && bound < e->aim - fabs(e->aim);
+    if (bound < e->aim && (c->grows || promises)) {
+        double others[MOST_PHASES];
+        const double best = by_ends(e, low, high, t, &range, enough, steps, others, slope);
+        if (best > bound) {
+            bound = best;
             memcpy(widths, others, sizeof others);
         }
     }

@@ -29,7 +29,7 @@ typedef struct {
     Centre centre;
     Frame frame, point;         /* of all durations, of none */
     Dual dual;
-    Point ends[2];
+    Point ends[MOST_POINTS - 1];
     Value values[MOST_PHASES];  /* memory for values */
     void *memory;
 } Engine;

@@ -36,23 +36,42 @@ int centre_number(const Problem *p, int count, const Priced *priced, Centre *c)
     return 0;
 }
 
-/* The mean of the duals at some points by their shares, with its derivatives. */
-static double dual_at(const Problem *p, const Centre *c, int points, const Point *const *at,
+/* The least of the duals at some points, with its derivatives; of several a smooth function that is
+ * less than all, by no more than the heat times the logarithm of their number:
+ * -heat log(sum exp(-dual/heat)). */
+static double dual_at(const Problem *p, const Centre *c, int points, const Point *const *at, double heat,
                       const double *m, double *gradient, double *H)
 {
     const int n = c->multipliers;
     if (points == 1)
         return point_dual(p, c, at[0], m, gradient, H);
-    double value = 0, one[MOST_MULTIPLIERS], curved[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
+    double value[MOST_POINTS], slope[MOST_POINTS][MOST_MULTIPLIERS], least = INFINITY, sum = 0;
+    double curved[MOST_MULTIPLIERS * MOST_MULTIPLIERS];
     for (int i = 0; i < points; i++) {
-        const double share = at[i]->share;
-        value += share * point_dual(p, c, at[i], m, gradient ? one : 0, H ? curved : 0);
-        for (int j = 0; j < n && gradient; j++)
-            gradient[j] = (i ? gradient[j] : 0) + share * one[j];
-        for (int j = 0; j < n * n && H; j++)
-            H[j] = (i ? H[j] : 0) + share * curved[j];
+        value[i] = point_dual(p, c, at[i], m, 0, 0);
+        least = fmin(least, value[i]);
     }
-    return value;
+    for (int i = 0; i < points; i++)
+        sum += exp((least - value[i]) / heat);
+    for (int j = 0; j < n && gradient; j++)
+        gradient[j] = 0;
+    for (int j = 0; j < n * n && H; j++)
+        H[j] = 0;
+    for (int i = 0; i < points && gradient; i++) {
+        const double share = exp((least - value[i]) / heat) / sum;
+        point_dual(p, c, at[i], m, slope[i], H ? curved : 0);
+        for (int j = 0; j < n; j++)
+            gradient[j] += share * slope[i][j];
+        for (int j = 0; j < n * n && H; j++)
+            H[j] += share * curved[j];
+    }
+    for (int i = 0; i < points && H; i++) {
+        const double share = exp((least - value[i]) / heat) / sum;
+        for (int j = 0; j < n; j++)
+            for (int l = 0; l < n; l++)
+                H[j * n + l] += share / heat * (slope[i][j] - gradient[j]) * (slope[i][l] - gradient[l]);
+    }
+    return least - heat * log(sum);
 }
 
 /* Choices for the bounds: what is at its bound and kept there. */
@@ -78,14 +97,15 @@ static void choose(const Problem *p, Centre *c)
 
 /* Multipliers no larger than is enough, on the way to zero: large ones make poor bounds of large
  * boxes. The dual is nearly a parabola there. */
-static void shrink(const Problem *p, int points, const Point *const *at, double enough, Centre *c)
+static void shrink(const Problem *p, int points, const Point *const *at, double heat, double enough,
+                   Centre *c)
 {
     const int n = c->multipliers;
     double gradient[MOST_MULTIPLIERS], next[MOST_MULTIPLIERS] = {0};
-    const double none = dual_at(p, c, points, at, next, 0, 0);
+    const double none = dual_at(p, c, points, at, heat, next, 0, 0);
     for (int round = 0; round < 6 && c->value > enough + fabs(enough) / 4 && none < enough; round++) {
         double slope = 0;
-        c->value = dual_at(p, c, points, at, c->m, gradient, 0);
+        c->value = dual_at(p, c, points, at, heat, c->m, gradient, 0);
         for (int j = 0; j < n; j++)
             slope += gradient[j] * c->m[j];
         /* none + a s - b s^2 with its value and slope at s = 1; the root of what is enough */
@@ -96,7 +116,7 @@ static void shrink(const Problem *p, int points, const Point *const *at, double 
         share = share > 0 && share < 1 ? share : 0.5;
         for (int j = 0; j < n; j++)
             next[j] = share * c->m[j];
-        const double value = dual_at(p, c, points, at, next, 0, 0);
+        const double value = dual_at(p, c, points, at, heat, next, 0, 0);
         if (value < enough)
             break;
         memcpy(c->m, next, sizeof(double) * n);
@@ -104,7 +124,8 @@ static void shrink(const Problem *p, int points, const Point *const *at, double 
     }
 }
 
-void centre_maximise(const Problem *p, int points, const Point *const *at, double enough, Centre *c)
+void centre_maximise(const Problem *p, int points, const Point *const *at, double heat, double enough,
+                     Centre *c)
 {
     const int n = c->multipliers;
     double gradient[MOST_MULTIPLIERS], step[MOST_MULTIPLIERS];
@@ -118,7 +139,7 @@ void centre_maximise(const Problem *p, int points, const Point *const *at, doubl
     for (int j = 0; j < n; j++)
         moves[j] = c->may_be_negative[j] || c->m[j] > 0;
     c->converged = c->grows = 0;
-    c->value = dual_at(p, c, points, at, c->m, gradient, H);
+    c->value = dual_at(p, c, points, at, heat, c->m, gradient, H);
     for (int round = 0; round < MOST_ITERATIONS; round++) {
         memcpy(copy, H, sizeof(double) * n * n);
         solve_free(n, copy, gradient, moves, step);
@@ -141,7 +162,7 @@ void centre_maximise(const Problem *p, int points, const Point *const *at, doubl
         for (int cut = 0; cut < 40 && !settled; cut++, share /= 2, first = -1) {
             for (int j = 0; j < n; j++)
                 next[j] = j == first ? 0 : c->m[j] + share * step[j];
-            value = dual_at(p, c, points, at, next, 0, 0);
+            value = dual_at(p, c, points, at, heat, next, 0, 0);
             if (value >= c->value + 1e-4 * share * rise)
                 break;
         }
@@ -163,11 +184,11 @@ void centre_maximise(const Problem *p, int points, const Point *const *at, doubl
         if (first >= 0)
             moves[first] = 0;
         memcpy(c->m, next, sizeof(double) * n);
-        c->value = dual_at(p, c, points, at, c->m, gradient, H);
+        c->value = dual_at(p, c, points, at, heat, c->m, gradient, H);
         if (c->value >= enough && (far || share == 1))
             break;
     }
-    shrink(p, points, at, enough, c);
+    shrink(p, points, at, heat, enough, c);
     for (int j = 0; j < n; j++) /* steps that end at zero may miss it by rounding */
         if (!c->may_be_negative[j] && !(c->m[j] > 0))
             c->m[j] = 0;

@@ -8,12 +8,14 @@
 /* How often conditions that a motion violates are priced in one box. */
 #define MOST_ROUNDS 3
 
+/* The centre of a box and ends of it, at most. */
+#define MOST_POINTS (MOST_PHASES + 3)
+
 /* The dual at given durations. */
 typedef struct {
     const double *t;            /* durations */
     const Steps *const *steps;  /* over ranges around them */
     int count;                  /* inputs of all steps */
-    double share;               /* where several are maximised together */
     double constant[MOST_MULTIPLIERS + 1];
     int quadratic;              /* whether nothing has bounds: the dual is constant.(m, 1) - m.curved.m/2,
                                    and rows and inputs are unknown */
@@ -55,9 +57,9 @@ double point_dual(const Problem *p, const Centre *centre, const Point *point, co
 /* The inputs at which the dual is taken. */
 void point_inputs(const Problem *p, const Centre *centre, const Point *point, const double *m);
 
-/* Maximise the mean of the duals at some points from the multipliers that are there; ``enough`` is a
- * value beyond which nobody asks. */
-void centre_maximise(const Problem *p, int points, const Point *const *at, double enough,
+/* Maximise the least of the duals at some points, smoothed by ``heat``, from the multipliers that are
+ * there; ``enough`` is a value beyond which nobody asks. */
+void centre_maximise(const Problem *p, int points, const Point *const *at, double heat, double enough,
                      Centre *centre);
 
 /* What the inputs of the centre do at its multipliers. */

@@ -2,69 +2,78 @@
  *
  * A goal such as to be at rest in a place that no input reaches fixes a duration. At any other one
  * there is no motion, and the dual grows for ever: with prices of one sign at shorter durations, of
- * the other one at longer ones. Prices for all of them maximise the lesser of the duals at two ends:
- * for some share this is the maximum of the mean by shares, which is as large at both.
+ * the other one at longer ones. Where several durations are fixed, so it is in each direction. Prices
+ * for a whole box maximise the least of the duals at some of its ends: at first two, then also those
+ * where the bound with these prices is least. Where the dual was linear in the durations, as many as
+ * there are durations and one more would do.
  */
 #include "ends.h"
 
 #include <string.h>
 
-/* How often the share is halved; how nearly both ends are as good then: far less than a gap; how little
- * a final time varies that counts as known; how much of the largest change takes part. */
-#define HALVINGS 40
-#define EVEN 1e-6
-#define NEAR 1e-3
-#define TAKES_PART 0.1
+/* The least of the duals is smoothed by this share of the cost that is of interest at first, which is
+ * lessened by a factor until it is far less than a gap. */
+#define HOT 0.25
+#define COLD 1e-6
+#define COOLING 16
+/* The least cost that counts as one, as a share of the scale of the problem. */
+#define CHEAP 1e-8
+/* Ends are the same where no duration differs by this share of its range. */
+#define ALIKE 1e-9
 
-/* The two ends of a box; 1 where nothing changes between them. */
-static int ends_of(int n, const double *t, const Range *range, const double *slope, double (*end)[MOST_PHASES])
+/* The end of a range around t where something of a slope is least, of those whose sum may be. */
+static void lowest_end(int n, const double *t, const Range *range, const double *slope, double *end)
 {
-    double mean = 0, most = 0, change[MOST_PHASES], total = 0;
+    double sum = 0, x[MOST_PHASES];
+    for (int i = 0; i < n; i++) {
+        x[i] = slope[i] > 0 ? range->below[i] : range->above[i];
+        sum += x[i];
+    }
+    /* Where the sum is too large, or too little, what costs least comes back first. */
+    for (int round = 0; round < n; round++) {
+        const double excess = sum > range->most ? sum - range->most : sum < range->least ? sum - range->least : 0;
+        int best = -1;
+        for (int i = 0; i < n; i++) {
+            const double room = excess > 0 ? x[i] - range->below[i] : range->above[i] - x[i];
+            if (room > 0 && (best < 0 || (excess > 0 ? slope[i] > slope[best] : slope[i] < slope[best])))
+                best = i;
+        }
+        if (excess == 0 || best < 0)
+            break;
+        const double room = excess > 0 ? x[best] - range->below[best] : x[best] - range->above[best];
+        const double step = fabs(excess) < fabs(room) ? excess : room;
+        x[best] -= step, sum -= step;
+    }
     for (int i = 0; i < n; i++)
-        mean += slope[i] / n, total += range->above[i] - range->below[i];
-    if (range->most - range->least > NEAR * total)
-        mean = 0; /* the final time may vary */
-    for (int i = 0; i < n; i++) {
-        change[i] = (slope[i] - mean) * (range->above[i] - range->below[i]);
-        most = fmax(most, fabs(change[i]));
-    }
-    for (int i = 0; i < n; i++) {
-        const int part = fabs(change[i]) > TAKES_PART * most, up = change[i] > 0;
-        end[0][i] = t[i] + (!part ? 0 : up ? range->below[i] : range->above[i]);
-        end[1][i] = t[i] + (!part ? 0 : up ? range->above[i] : range->below[i]);
-    }
-    return !(most > 0 && isfinite(most));
+        end[i] = t[i] + x[i];
 }
 
-/* The larger one of the lesser of both duals that the shares lead to; its multipliers are those of
- * the centre then. Minus infinity where there is none. */
-static double maximise_lesser(Engine *e, double enough)
+int ends_add(const double *t, const Range *range, const double *slope, Ends *ends)
 {
-    Centre *c = &e->centre;
-    const Point *at[2] = {e->ends, e->ends + 1};
-    double best = -INFINITY, low = 0, high = 1, found[MOST_MULTIPLIERS];
-    for (int round = 0; round < HALVINGS; round++) {
-        const double share = (low + high) / 2;
-        e->ends[0].share = share, e->ends[1].share = 1 - share;
-        centre_maximise(e->problem, 2, at, enough, c);
-        const double first = point_dual(e->problem, c, at[0], c->m, 0, 0);
-        const double second = point_dual(e->problem, c, at[1], c->m, 0, 0);
-        if (!isfinite(first) || !isfinite(second))
-            break;
-        if (fmin(first, second) > best) {
-            best = fmin(first, second);
-            memcpy(found, c->m, sizeof found);
-        }
-        if (best >= enough || fabs(first - second) <= EVEN * fabs(best))
-            break;
-        if (first > second)
-            high = share;
-        else
-            low = share;
+    const int n = ends->n;
+    if (ends->count == n + 2)
+        return 1;
+    double *end = ends->t[ends->count];
+    lowest_end(n, t, range, slope, end);
+    for (int k = 0; k < ends->count; k++) {
+        int alike = 1;
+        for (int i = 0; i < n; i++)
+            alike &= fabs(end[i] - ends->t[k][i]) <= ALIKE * (range->above[i] - range->below[i]);
+        if (alike)
+            return 1;
     }
-    if (best > -INFINITY)
-        memcpy(c->m, found, sizeof found);
-    return best;
+    ends->count++;
+    return 0;
+}
+
+void ends_begin(const Engine *e, const double *t, const Range *range, const double *slope, Ends *ends)
+{
+    double against[MOST_PHASES];
+    ends->n = e->problem->phases, ends->count = 0;
+    for (int i = 0; i < ends->n; i++)
+        against[i] = -slope[i];
+    ends_add(t, range, slope, ends);
+    ends_add(t, range, against, ends);
 }
 
 /* The steps of all phases over ranges, and what the multipliers make of them at durations t; 1 where
@@ -81,30 +90,46 @@ static int begin(Engine *e, const double *low, const double *high, const double 
     return 0;
 }
 
-int ends_maximise(Engine *e, const double *low, const double *high, const double *t,
-                  const Range *range, const double *slope, double enough, const Steps **steps)
+/* Multipliers at which the least of the duals at some points is large; that one. */
+static double maximise_least(Engine *e, int points, double enough)
+{
+    Centre *c = &e->centre;
+    const Point *at[MOST_POINTS];
+    const double size = fmax(fabs(e->aim), CHEAP * e->problem->scale);
+    double least = INFINITY;
+    for (int k = 0; k < points; k++)
+        at[k] = e->ends + k;
+    for (double share = HOT; share > COLD; share /= COOLING) {
+        centre_maximise(e->problem, points, at, share * size, enough, c);
+        if (c->value >= enough)
+            break;
+    }
+    for (int k = 0; k < points; k++)
+        least = fmin(least, point_dual(e->problem, c, at[k], c->m, 0, 0));
+    return least;
+}
+
+int ends_maximise(Engine *e, const double *low, const double *high, const double *t, double enough,
+                  const Steps **steps, const Ends *ends)
 {
     const Problem *p = e->problem;
     Centre *c = &e->centre;
     Cache *cache = &e->cache;
-    double end[2][MOST_PHASES];
-    const Steps *at_end[2][MOST_PHASES];
-    if (ends_of(p->phases, t, range, slope, end))
-        return 1;
+    const Steps *at_end[MOST_POINTS][MOST_PHASES];
     memset(c->m, 0, sizeof c->m);
     memset(c->slope, 0, sizeof c->slope);
     for (int round = 0;; round++) {
         if (centre_number(p, cache->count, cache->priced, c) || begin(e, low, high, t, steps, &c->at))
             return 1;
-        for (int k = 0; k < 2; k++)
-            if (begin(e, end[k], end[k], end[k], at_end[k], e->ends + k))
+        for (int k = 0; k < ends->count; k++)
+            if (begin(e, ends->t[k], ends->t[k], ends->t[k], at_end[k], e->ends + k))
                 return 1;
-        const double lesser = maximise_lesser(e, enough);
-        if (isinf(lesser))
+        const double least = maximise_least(e, ends->count, enough);
+        if (!isfinite(least))
             return 1;
         centre_choose(p, c);
         Priced worst;
-        if (!(lesser < e->aim) || round == MOST_ROUNDS || cache->count == MOST_PRICED ||
+        if (!(least < e->aim) || round == MOST_ROUNDS || cache->count == MOST_PRICED ||
             c->multipliers == MOST_MULTIPLIERS ||
             !centre_violated(p, steps, c, cache->count, cache->priced, &worst))
             return 0;

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -11,6 +12,9 @@ from dmoc.base.errors import ProblemError
 from dmoc.codegen.build import numpy_kernels, sources
 from dmoc.codegen.kernels import NUMPY, Kernels
 from dmoc.codegen.manifest import Manifest
+
+# Systems whose text is kept.
+KEPT_TEXTS = 8
 
 
 def kernels_over(kernels: Kernels, functions: Any, only: Collection[str] = ()) -> ModuleType:
@@ -26,15 +30,24 @@ def kernels_over(kernels: Kernels, functions: Any, only: Collection[str] = ()) -
 
 
 def _derived(kernels: Kernels, only: Collection[str]) -> Any:
-    from dmoc.codegen.text import manifest, numpy_text
-    from dmoc.symbolic.families import model_spec
-
     if kernels.system is None:
         raise ProblemError(
             f"the kernels of {kernels.name!r} do not know their system, which a proof needs: state "
             "the problem with the MechanicalSystem."
         )
-    model = model_spec(kernels.system(), kernels.manifest.order, kernels.design)
+    text = _text(kernels.system, kernels.manifest.order, tuple(kernels.design), tuple(only))
+    return numpy_kernels(*text).module
+
+
+@lru_cache(maxsize=KEPT_TEXTS)
+def _text(
+    system: Callable[[], Any], order: int, design: tuple[str, ...], only: tuple[str, ...]
+) -> tuple[Manifest, str]:
+    """The kernels of a system as text, which nodes of a search have in common."""
+    from dmoc.codegen.text import manifest, numpy_text
+    from dmoc.symbolic.families import model_spec
+
+    model = model_spec(system(), order, design)
     if only:
         model = replace(model, kernels=tuple(k for k in model.kernels if k.name in only))
-    return numpy_kernels(Manifest.read(manifest(model)), numpy_text(model)).module
+    return Manifest.read(manifest(model)), numpy_text(model)

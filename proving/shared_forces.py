@@ -22,12 +22,11 @@ from fractions import Fraction
 import numpy as np
 
 from dmoc.base.errors import ProblemError
+from dmoc.base.tolerances import ROUNDING, SAME
 from dmoc.codegen.kernels import Array
 
-# What is left of a direction beside others that is a rounding error, as a share of its length.
-IN_SPAN = 1e-9
-# Shares that are as near to a fraction with no larger denominator are taken for that one.
-SIMPLE, LARGEST = 1e-12, 1000
+# Shares of directions are taken for fractions with no larger denominators where they are those.
+LARGEST = 1000
 # Sums that are looked at, at most.
 MOST_SUMS = 1000
 
@@ -68,7 +67,7 @@ def _independent(pushes: Array) -> list[int]:
         rest = row - basis.T @ (basis @ row)
         rest -= basis.T @ (basis @ rest)  # twice is enough
         left = float(np.linalg.norm(rest))
-        if left > IN_SPAN * float(np.linalg.norm(row)):
+        if left > SAME * float(np.linalg.norm(row)):
             first.append(i)
             basis = np.vstack([basis, rest / left])
     return first
@@ -90,7 +89,7 @@ def _without_effect(pushes: Array, first: Sequence[int]) -> list[list[Fraction]]
 def _fraction(x: float) -> Fraction:
     """A number, or a simple fraction that it is up to rounding."""
     simple = Fraction(x).limit_denominator(LARGEST)
-    return simple if abs(float(simple) - x) <= SIMPLE * max(abs(x), 1.0) else Fraction(x)
+    return simple if abs(float(simple) - x) <= ROUNDING * max(abs(x), 1.0) else Fraction(x)
 
 
 def _dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -82,3 +83,16 @@ def test_sums_count_their_rounding_errors() -> None:
 def test_kernels_that_do_not_know_their_system_are_refused(pendulum: Kernels) -> None:
     with pytest.raises(ProblemError, match="do not know their system"):
         kernels_over(replace(pendulum, system=None), BallFunctions)
+
+
+def test_text_is_derived_once(pendulum: Kernels) -> None:
+    derived = list[bool]()
+
+    def system() -> Any:
+        assert pendulum.system is not None
+        derived.append(True)
+        return pendulum.system()
+
+    kernels = replace(pendulum, system=system)
+    one, other = (kernels_over(kernels, BallFunctions, ("surface",)) for _ in range(2))
+    assert len(derived) == 1 and one is not other
