@@ -18,35 +18,6 @@
 #define COOLING 16
 /* The least cost that counts as one, as a share of the scale of the problem. */
 #define CHEAP 1e-8
-/* Ends are the same where no duration differs by this share of its range. */
-#define ALIKE 1e-9
-
-/* The end of a range around t where something of a slope is least, of those whose sum may be. */
-static void lowest_end(int n, const double *t, const Range *range, const double *slope, double *end)
-{
-    double sum = 0, x[MOST_PHASES];
-    for (int i = 0; i < n; i++) {
-        x[i] = slope[i] > 0 ? range->below[i] : range->above[i];
-        sum += x[i];
-    }
-    /* Where the sum is too large, or too little, what costs least comes back first. */
-    for (int round = 0; round < n; round++) {
-        const double excess = sum > range->most ? sum - range->most : sum < range->least ? sum - range->least : 0;
-        int best = -1;
-        for (int i = 0; i < n; i++) {
-            const double room = excess > 0 ? x[i] - range->below[i] : range->above[i] - x[i];
-            if (room > 0 && (best < 0 || (excess > 0 ? slope[i] > slope[best] : slope[i] < slope[best])))
-                best = i;
-        }
-        if (excess == 0 || best < 0)
-            break;
-        const double room = excess > 0 ? x[best] - range->below[best] : x[best] - range->above[best];
-        const double step = fabs(excess) < fabs(room) ? excess : room;
-        x[best] -= step, sum -= step;
-    }
-    for (int i = 0; i < n; i++)
-        end[i] = t[i] + x[i];
-}
 
 int ends_add(const double *t, const Range *range, const double *slope, Ends *ends)
 {
@@ -54,14 +25,11 @@ int ends_add(const double *t, const Range *range, const double *slope, Ends *end
     if (ends->count == n + 2)
         return 1;
     double *end = ends->t[ends->count];
-    lowest_end(n, t, range, slope, end);
-    for (int k = 0; k < ends->count; k++) {
-        int alike = 1;
-        for (int i = 0; i < n; i++)
-            alike &= fabs(end[i] - ends->t[k][i]) <= ALIKE * (range->above[i] - range->below[i]);
-        if (alike)
+    for (int i = 0; i < n; i++)
+        end[i] = t[i] + (slope[i] > 0 ? range->below[i] : range->above[i]);
+    for (int k = 0; k < ends->count; k++)
+        if (!memcmp(end, ends->t[k], sizeof(double) * (size_t)n))
             return 1;
-    }
     ends->count++;
     return 0;
 }
