@@ -52,6 +52,13 @@ class Round:
 
 
 @dataclass(frozen=True)
+class Edge(Round):
+    """An edge of a box or a hull, that of two faces; ``out`` is the sum of their normals."""
+
+    out: Vector
+
+
+@dataclass(frozen=True)
 class Drum:
     """A cylinder."""
 
@@ -88,6 +95,23 @@ class Block:
             for signs in product(*((0,) if i == k else (1, -1) for i in range(3)))
         ]
 
+    @property
+    def outward(self) -> list[Vector]:
+        """The directions in which the edges look, in their order."""
+        return [
+            added(*(times(sign, axis) for sign, (axis, _) in zip(signs, self.sides, strict=True)))
+            for k in range(3)
+            for signs in product(*((0,) if i == k else (1, -1) for i in range(3)))
+        ]
+
+    @property
+    def faces(self) -> list[tuple[Vector, Vector]]:
+        """The outward normals of the faces, each with a place on it."""
+        ways = [[sign * (i == k) for i in range(3)] for k in range(3) for sign in (1, -1)]
+        axes = (axis for axis, _ in self.sides for _ in range(2))
+        normals = [times(sum(way), axis) for way, axis in zip(ways, axes, strict=True)]
+        return [(n, self._shifted(way)) for n, way in zip(normals, ways, strict=True)]
+
     def _shifted(self, signs: Any) -> Vector:
         shifts = zip(signs, self.sides, strict=True)
         return added(self.at, *(times(sign * half, axis) for sign, (axis, half) in shifts))
@@ -102,12 +126,18 @@ class Cut:
     """
 
     corners: tuple[Vector, ...]
-    faces: tuple[tuple[Vector, Vector, tuple[tuple[Vector, Vector], ...]], ...]
+    sided: tuple[tuple[Vector, Vector, tuple[tuple[Vector, Vector], ...]], ...]
     edges: tuple[Round, ...]
+    outward: tuple[Vector, ...]
 
     @property
     def normals(self) -> list[Vector]:
-        return [normal for normal, _, _ in self.faces]
+        return [normal for normal, _ in self.faces]
+
+    @property
+    def faces(self) -> list[tuple[Vector, Vector]]:
+        """The outward normals of the faces, each with a place on it."""
+        return [(normal, place) for normal, place, _ in self.sided]
 
     @property
     def directions(self) -> list[Vector]:
@@ -120,6 +150,8 @@ Core: TypeAlias = Round | Block | Cut | Drum
 def core_of(shape: Any) -> Core | HalfSpace:
     """What the distances of a shape in the world are made of; a point is its place."""
     match shape:
+        case Edge():
+            return shape
         case Plane():
             return HalfSpace(shape.at, unit(shape.normal))
         case Sphere():
@@ -159,7 +191,11 @@ def _cut(hull: Hull) -> Cut:
         )
         for i, j in hull.edges
     )  # fmt: skip
-    return Cut(points, tuple(faces), edges)
+    outward = tuple(
+        added(*(n for (n, _, _), turn in zip(faces, hull.faces, strict=True) if {*ends} <= {*turn}))
+        for ends in hull.edges
+    )
+    return Cut(points, tuple(faces), edges, outward)
 
 
 def _way(a: Vector, b: Vector) -> Vector:

@@ -15,7 +15,7 @@ import sympy as sp
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
 from dmoc.base.signatures import public
-from dmoc.symbolic.cores import Block, Core, Cut, Drum, HalfSpace, Round, core_of
+from dmoc.symbolic.cores import Block, Core, Cut, Drum, Edge, HalfSpace, Round, core_of
 from dmoc.symbolic.hulls import Hull, carried_hull
 from dmoc.symbolic.solids import Box, Capsule, Cylinder, Moved, Plane, Sphere, carried_solid
 from dmoc.symbolic.vectors import Vector, added, cross, dot, times
@@ -91,6 +91,89 @@ def features(shape: Any) -> dict[str, Any]:
     )
 
 
+@public(ModelError)
+def edges(shape: Any) -> dict[str, Any]:
+    """The edges of a box or a hull, ``_1``, ``_2``, ...: two of them that cross have a distance
+    between their lines, which is smooth and negative where they overlap.
+
+    With the directions u, v, places a, b and sums o, p of the normals of the faces beside them, it
+    is s n . (b - a) of the unit vector n along u x v, with the sign s of n . (o - p).
+
+    Parameters
+    ----------
+    shape : shape in space
+        A box or a hull as it is in the world, ``body.carried(...)``.
+
+    Returns
+    -------
+    dict of str to shape
+        By the endings of their names; beside other shapes an edge is a segment.
+
+    Raises
+    ------
+    ModelError
+        If the shape has no straight edges.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> world, turn = dmoc.spatial.World(), dmoc.attitude(axis=(0, 0, 1), angle=0.7)
+    >>> roof = [(-1, -1, 0), (-1, 1, 0), (-1, 0, 1), (1, -1, 0), (1, 1, 0), (1, 0, 1)]
+    >>> ridge = dmoc.spatial.edges(dmoc.spatial.Hull(roof))["_6"]
+    >>> keel = dmoc.spatial.edges(dmoc.spatial.Hull([(y, x, 3 - z) for x, y, z in roof]))["_6"]
+    >>> float(world.distance(ridge, keel))
+    1.0
+    """
+    core = core_of(shape)
+    if not isinstance(core, Block | Cut):
+        raise ModelError(
+            f"{shown(shape)} has no straight edges: expected a box or a hull; the side of a "
+            "cylinder is that of a Capsule of its radius and length."
+        )
+    pairs = zip(core.edges, core.outward, strict=True)
+    own = [Edge(e.at, e.along, e.half, e.radius, out) for e, out in pairs]
+    return {f"_{k}": edge for k, edge in enumerate(own, 1)}
+
+
+@public(ModelError)
+def faces(shape: Any) -> dict[str, Plane]:
+    """The faces of a box, a hull or a cylinder, ``_1``, ``_2``, ...: planes, from which other
+    shapes have smooth distances.
+
+    Parameters
+    ----------
+    shape : shape in space
+        As it is in the world, ``body.carried(...)``.
+
+    Returns
+    -------
+    dict of str to Plane
+        By the endings of their names; each is taken as a plane without an end.
+
+    Raises
+    ------
+    ModelError
+        If the shape has no flat faces.
+
+    Examples
+    --------
+    >>> import dmoc
+    >>> world = dmoc.spatial.World()
+    >>> lid = dmoc.spatial.faces(dmoc.spatial.Cylinder(0.5, 2.0))["_1"]
+    >>> float(world.distance((0.2, 0, 1.7), lid))
+    0.7
+    """
+    core = core_of(shape)
+    if isinstance(core, Drum):
+        ways = [times(sign, core.along) for sign in (1, -1)]
+        own = [(n, added(core.at, times(core.half, n))) for n in ways]
+    elif isinstance(core, Block | Cut):
+        own = list(core.faces)
+    else:
+        raise ModelError(f"{shown(shape)} has no flat faces: expected a box, a cylinder or a hull.")
+    return {f"_{k}": Plane(at, normal) for k, (normal, at) in enumerate(own, 1)}
+
+
 def carried_shape(shape: Any, point: Moved, turned: Moved, body: str) -> Any:
     """A shape in the frame of a body as one in the world."""
     if isinstance(shape, Hull):
@@ -105,6 +188,8 @@ def carried_shape(shape: Any, point: Moved, turned: Moved, body: str) -> Any:
 
 def _between(a: Core, b: Core, define: Define) -> Any:
     match a, b:
+        case (Edge(), Edge()):
+            return define(_across(a, b, define))
         case (Round(), Round()):
             square = _square(a, b, define)
             points = a.along is None and b.along is None
@@ -122,7 +207,8 @@ def _between(a: Core, b: Core, define: Define) -> Any:
             return define(_separation(a, b, define))
     raise ModelError(
         "the distance of a cylinder from what is no plane, sphere or point has no closed form: "
-        "state it as a Capsule or a Box that holds it."
+        "state it as a Capsule or a Box that holds it, or a surface for each pair that may touch, "
+        "of dmoc.spatial.faces, features and edges; its side is that of a Capsule."
     )
 
 
@@ -171,6 +257,15 @@ def _square(a: Round, b: Round, define: Define) -> Any:
     s = define(_within(near, -a.half, a.half))
     w = define(q + u * s)
     return define(D + s**2 + 2 * s * p - w**2 + _excess(w, b.half, define))
+
+
+def _across(a: Edge, b: Edge, define: Define) -> Any:
+    """The signed distance of the lines of two edges."""
+    n = tuple(define(e) for e in cross(a.along or a.at, b.along or b.at))
+    facing = define(dot(n, added(a.out, times(-1, b.out))))
+    way = define(dot(n, added(b.at, times(-1, a.at))))
+    length = sp.sqrt(sp.Max(define(dot(n, n)), PARALLEL))
+    return way * facing / (_root(define(facing**2)) * length)
 
 
 def _within(x: Any, low: Any, high: Any) -> Any:
@@ -226,7 +321,7 @@ def _square_to(solid: Block | Cut, point: Vector, define: Define) -> Any:
     if isinstance(solid, Block):
         return define(_outside(_beyond(solid, point, define)))
     squares = []
-    for normal, place, sides in solid.faces:
+    for normal, place, sides in solid.sided:
         height = define(dot(normal, added(point, times(-1, place))))
         off = [define(dot(out, added(point, times(-1, at)))) for out, at in sides]
         beside = define(sp.Max(0, *off))

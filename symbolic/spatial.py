@@ -31,6 +31,8 @@ from dmoc.base.names import check_name
 from dmoc.base.signatures import public
 from dmoc.symbolic.bodies import Body as Body
 from dmoc.symbolic.distances import distance_of
+from dmoc.symbolic.distances import edges as edges
+from dmoc.symbolic.distances import faces as faces
 from dmoc.symbolic.distances import features as features
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
