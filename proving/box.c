@@ -21,7 +21,7 @@
 
 int engine_begin(Engine *e, const Problem *p, int workers)
 {
-    size_t lines = 0, inputs = 0, s = p->spreads;
+    size_t lines = 0, inputs = 0, s = p->spreads, moved = moved_before(p, p->phases);
     memset(e, 0, sizeof *e);
     e->problem = p;
     e->best = INFINITY;
@@ -34,7 +34,8 @@ int engine_begin(Engine *e, const Problem *p, int workers)
     }
     const size_t costates = (size_t)p->phases * MOST_COSTATE * (MOST_MULTIPLIERS + 1);
     const size_t rows = (inputs + s) * (MOST_MULTIPLIERS + 1);
-    const size_t of_point = costates + rows + inputs + s, numbers = (p->phases + 3) * of_point;
+    const size_t of_point = costates + rows + inputs + s + 2 * moved;
+    const size_t numbers = (p->phases + 3) * of_point;
     e->memory = calloc(1, lines * sizeof(line) + numbers * sizeof(double) + inputs * sizeof(Choice));
     if (!e->memory || cache_begin(&e->cache, p, workers))
         return 1;
@@ -52,6 +53,8 @@ int engine_begin(Engine *e, const Problem *p, int workers)
         point->costates = number;
         point->rows = number + costates;
         point->inputs = point->rows + rows;
+        point->moved = point->inputs + inputs + s;
+        point->rate = point->moved + moved;
     }
     e->centre.choices = (Choice *)number;
     return 0;

@@ -4,7 +4,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.proving.linear import LinearProblem, Shifts
 
 MOST_WORKERS: int
-LIMITS: tuple[int, int, int, int, int, int]
+LIMITS: tuple[int, ...]
 LIMITS_OF_SHIFTS: tuple[int, int]
 OPERATIONS: tuple[str, ...]
 

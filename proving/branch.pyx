@@ -9,7 +9,7 @@ import numpy as np
 
 cdef extern from "tree.h" nogil:
     enum: MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_PRICED, MOST_STEP_ROWS, MOST_THREADS
-    enum: MOST_OPERATIONS, MOST_SHIFTS
+    enum: MOST_OPERATIONS, MOST_SHIFTS, MOST_GIVEN
     int PROVED, GOING_ON, NO_MEMORY
     ctypedef struct interval:
         double lo, hi
@@ -22,7 +22,9 @@ cdef extern from "tree.h" nogil:
         const int *result
     void shifts_over(const Shifts *, interval, interval, line *)
     ctypedef struct Phase:
-        int r, na, nb, steps, paths
+        int r, na, nb, steps, paths, nodes, given
+        const double *place
+        const double *drives
         const double *P
         const double *R
         const double *c
@@ -33,6 +35,7 @@ cdef extern from "tree.h" nogil:
         const double *most
         const double *since
         const double *moves
+        const double *within
         int rows, conditions
         const double *S
         int cost
@@ -42,13 +45,20 @@ cdef extern from "tree.h" nogil:
         const double *A
         const double *b
         const double *shifted
+    ctypedef struct Times:
+        int rows
+        const double *b
+        const double *shifted
+        const double *vanish
     ctypedef struct Event:
         Rows after, zero, most
+        Times when
     ctypedef struct Problem:
         int phases
         const Phase *phase
         const Event *event
-        Rows goal_zero, goal_most
+        Rows goal_zero, goal_most, goal_cost
+        Times goal_when
         const double *soft
         const double *middle
         int spreads
@@ -80,13 +90,16 @@ cdef extern from "tree.h" nogil:
 
 
 # Threads at most, and what the arrays of the engine have room for: phases, inputs of a step, numbers
-# of a state, multipliers, rows of a step; of shifts of surfaces, and of operations that make them.
+# of a state, multipliers, rows of a step, prices, shifts that drive a phase; of shifts of surfaces, and
+# of operations that make them.
 MOST_WORKERS = MOST_THREADS
-LIMITS = MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_PRICED
+LIMITS = (
+    MOST_PHASES, MOST_INPUTS, MOST_STATE, MOST_MULTIPLIERS, MOST_STEP_ROWS, MOST_PRICED, MOST_GIVEN,
+)
 LIMITS_OF_SHIFTS = MOST_SHIFTS, MOST_OPERATIONS
 # Their names in the order of shifts.h.
 OPERATIONS = (
-    "sum", "product", "negative", "square", "inverse", "root", "sine", "cosine", "exponential",
+    "sum", "product", "power", "negative", "square", "inverse", "root", "sine", "cosine", "exponential",
     "logarithm", "arctangent", "constant", "time",
 )
 
@@ -140,20 +153,22 @@ cdef class Branch:
         for i, phase in enumerate(linear.phases):
             self.phases[i] = Phase(
                 phase.size, phase.P.shape[1] - phase.size, len(phase.c), phase.steps, len(phase.most),
+                len(phase.places), len(phase.drives), self._numbers(phase.places), self._numbers(phase.drives),
                 self._numbers(phase.P), self._numbers(phase.R), self._numbers(phase.c), phase.c_0,
                 self._numbers(phase.lower), self._numbers(phase.upper), self._numbers(phase.paths),
                 self._numbers(phase.most), self._numbers(phase.since),
-                self._numbers(phase.moves), len(phase.S),
+                self._numbers(phase.moves), self._numbers(phase.within), len(phase.S),
                 len(phase.conditions), self._numbers(phase.S), phase.cost, self._numbers(phase.conditions),
             )
         for i, event in enumerate(linear.events):
             self.events[i] = Event(
-                self._rows(event.after), self._rows(event.zero), self._rows(event.most)
+                self._rows(event.after), self._rows(event.zero), self._rows(event.most),
+                self._times(event.when),
             )
         earliest, latest = linear.final_time
         self.problem = Problem(
             len(linear.phases), &self.phases[0], &self.events[0], self._rows(linear.goal_zero),
-            self._rows(linear.goal_most), self._numbers(linear.soft), self._numbers(linear.start[0]), len(linear.start) - 1,
+            self._rows(linear.goal_most), self._rows(linear.goal_cost), self._times(linear.goal_when), self._numbers(linear.soft), self._numbers(linear.start[0]), len(linear.start) - 1,
             self._numbers(linear.start[1:]), self._numbers(linear.tie), self._numbers(linear.durations[:, 0]),
             self._numbers(linear.durations[:, 1]), earliest, latest, shifts_of(linear.shifts, self.held),
             linear.definitions, scale,
@@ -177,6 +192,11 @@ cdef class Branch:
     cdef Rows _rows(self, rows) except *:
         m, n = rows.A.shape
         return Rows(m, n, self._numbers(rows.A), self._numbers(rows.b), self._numbers(rows.shifted))
+
+    cdef Times _times(self, when) except *:
+        return Times(
+            len(when.b), self._numbers(when.b), self._numbers(when.shifted), self._numbers(when.vanish),
+        )
 
     def run(self, long boxes):
         """Look at so many boxes more; whether some are left that matter."""

@@ -2,4 +2,4 @@
 
 from dmoc.proving.branch import Branch as Branch
 
-LIMITS: tuple[int, int, int, int, int, int]
+LIMITS: tuple[int, ...]

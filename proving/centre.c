@@ -242,6 +242,18 @@ static void add_after(const Problem *p, const Centre *c, const Steps *steps, int
         cross[j] += row[j];
 }
 
+/* Add to it what shifts at the nodes of a phase, of those of all phases, make of it. */
+static void add_moved(const Problem *p, const Centre *c, int i, const Steps *steps, const double *x,
+                      int passing, const double *L, const double *by_duration, double *cross)
+{
+    double row[WIDTH];
+    if (!p->phase[i].given)
+        return;
+    moved_row(p, c, i, steps, x + moved_before(p, i), passing, L, by_duration, row);
+    for (int j = 0; j < c->multipliers; j++)
+        cross[j] += row[j];
+}
+
 void centre_slopes(const Problem *p, const Steps *const *steps, const Value *const *values, Centre *c)
 {
     const int n = c->multipliers, K = p->phases;
@@ -317,6 +329,7 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                 for (int j = 0; j < n; j++)
                     cross[j] += L[a * WIDTH + j] * sum + own[a * WIDTH + j] * residual[i][a];
             }
+            add_moved(p, c, i, steps[i], c->at.moved, 0, own, i == by ? COSTATES(&c->at, i) : 0, cross);
             if (i == 0)
                 add_start_cross(p, c, steps[0], by == 0, own, cross);
             else if (p->shifts.shifts)
@@ -329,6 +342,7 @@ void centre_slopes(const Problem *p, const Steps *const *steps, const Value *con
                 shift_along(p, c, steps, i, k, &along);
                 cross[c->first_priced + steps[i]->which[k]] += along.rate * (i == by ? along.share : 1);
             }
+            add_moved(p, c, i, steps[i], c->at.rate, i == by, COSTATES(&c->at, i), 0, cross);
             const int last = i == K - 1, first = last ? 0 : c->first_event[i];
             const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
             const Rows *most = last ? &p->goal_most : &p->event[i].most;

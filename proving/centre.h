@@ -23,7 +23,14 @@ typedef struct {
     double *costates;           /* of each phase (d, multipliers + 1), (phases, MOST_COSTATE, MOST_MULTIPLIERS + 1) */
     double *rows;               /* what the multipliers make of each input */
     double *inputs;             /* of all steps, and shares of the spreads of the start */
+    double *moved, *rate;       /* of all phases: shifts at nodes (nodes, given), and their rates */
 } Point;
+
+/* Where the shifts of a phase begin in these. */
+static inline size_t moved_before(const Problem *p, int phase)
+{
+    return phase ? moved_before(p, phase - 1) + moved_in_phase(p->phase + phase - 1) : 0;
+}
 
 #define COSTATES(point, i) ((point)->costates + (size_t)(i) * MOST_COSTATE * (MOST_MULTIPLIERS + 1))
 

@@ -23,6 +23,8 @@ void costates_of(const Problem *p, const Steps *const *steps, const Centre *c, i
         if (by < 0) {
             add_rows(&p->goal_zero, 0, L);
             add_rows(&p->goal_most, p->goal_zero.rows, L);
+            for (int z = 0; z < s && p->goal_cost.rows; z++)
+                L[z * WIDTH + n] = p->goal_cost.A[z];
         }
     } else {
         const Event *e = p->event + i;
@@ -104,6 +106,27 @@ void shifts_at(const Problem *p, double time, double *shift, double *rate)
     for (int j = 0; j < p->shifts.shifts; j++) {
         shift[j] = interval_mid(values[j].v0);
         rate[j] = interval_mid(values[j].d0);
+        if (!isfinite(rate[j]))
+            rate[j] = 0; /* as at the begin of a power with a broken exponent */
+    }
+}
+
+void moved_row(const Problem *p, const Centre *c, int phase, const Steps *steps, const double *x,
+               int passing, const double *L, const double *by_duration, double *row)
+{
+    const Phase *ph = p->phase + phase;
+    const int d = steps->d, last = ph->nodes - 1;
+    const line *at = steps->moved;
+    memset(row, 0, sizeof(double) * (size_t)(c->multipliers + 1));
+    for (int node = 0; node < nodes_of(ph); node++) {
+        const double passed = (node / last + ph->place[node % last]) / ph->steps;
+        for (int g = 0; g < ph->given; g++, x++)
+            for (int a = 0; a < d; a++, at++) {
+                const double share = passing ? *x * passed : *x;
+                add_row(c->multipliers + 1, share * interval_mid(at->v0), L + a * WIDTH, row);
+                if (by_duration)
+                    add_row(c->multipliers + 1, share * interval_mid(at->d0), by_duration + a * WIDTH, row);
+            }
     }
 }
 
@@ -111,15 +134,19 @@ double shift_along(const Problem *p, const Centre *c, const Steps *const *steps,
                    Along *along)
 {
     const Priced *at = c->priced + steps[i]->which[k];
-    const int shift = shift_of(p->phase + i, at);
+    const double *moves = moves_of(p->phase + i, p->shifts.shifts, at);
     *along = (Along){0, 0};
-    if (shift < 0)
+    if (!moves)
         return 0;
-    double values[MOST_SHIFTS], rates[MOST_SHIFTS], time = 0;
+    double values[MOST_SHIFTS], rates[MOST_SHIFTS], time = 0, value = 0;
     for (int j = 0; j < i; j++)
         time += interval_mid(steps[j]->h.v0) * p->phase[j].steps;
-    const double passed = at->node;
+    const double passed = steps_until(p->phase + i, at);
     shifts_at(p, time + interval_mid(steps[i]->h.v0) * passed, values, rates);
-    *along = (Along){rates[shift], passed / p->phase[i].steps};
-    return values[shift];
+    along->share = passed / p->phase[i].steps;
+    for (int j = 0; j < p->shifts.shifts; j++) {
+        value += moves[j] * values[j];
+        along->rate += moves[j] * rates[j];
+    }
+    return value;
 }

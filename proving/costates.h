@@ -27,12 +27,17 @@ void start_rows(const Problem *p, const Centre *c, const Steps *steps, const dou
 void after_row(const Problem *p, const Centre *c, const Steps *steps, int event, const double *shift,
                const double *L, const double *by_duration, double *row);
 
+/* What the multipliers make of shifts ``x`` at the nodes of a phase, (nodes, given), or, where they are
+ * ``passing``, of their shares by how much of the phase has passed, as start_rows. */
+void moved_row(const Problem *p, const Centre *c, int phase, const Steps *steps, const double *x,
+               int passing, const double *L, const double *by_duration, double *row);
+
 /* How a shift changes along a phase: by the time, and which share of the phase has passed. */
 typedef struct {
     double rate, share;
 } Along;
 
-/* The shift that condition k of a phase has at the centre, 0 where it has none. */
+/* What shifts add to condition k of a phase at the centre. */
 double shift_along(const Problem *p, const Centre *c, const Steps *const *steps, int phase, int k,
                    Along *along);
 

@@ -56,8 +56,11 @@ static void model_of_shift(const Frame *f, const Clock *clock, line shift, model
     model_settle(f, m);
 }
 
+/* The prices of rows that have no multipliers: those of the state after an event, and 1. */
+enum { OF_STATE = -1, OF_COST = -2 };
+
 /* Add what shifts of the rows of an event make of the value, beside multipliers from number ``first``
- * on or, for the state after it, beside the prices of that. */
+ * on or other prices. */
 static void add_shifts(const Problem *p, const Centre *c, const Frame *f, const Rows *rows, int first,
                        const line *shifts, Dual *dual)
 {
@@ -69,8 +72,10 @@ static void add_shifts(const Problem *p, const Centre *c, const Frame *f, const 
                 continue;
             if (first >= 0)
                 multiplier_model(c, f, first + k, &dual->price);
+            else if (first == OF_COST)
+                model_constant(f, interval_of(1), &dual->price);
             model_of_shift(f, &dual->clock, shifts[j], &dual->bent);
-            model_add_mul(f, share, first < 0 ? dual->start + k : &dual->price, &dual->bent, &dual->value);
+            model_add_mul(f, share, first == OF_STATE ? dual->start + k : &dual->price, &dual->bent, &dual->value);
         }
 }
 
@@ -89,8 +94,10 @@ static void add_moved(const Problem *p, const Centre *c, const Frame *f, int pha
     shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
     add_shifts(p, c, f, zero, first, shifts, dual);
     add_shifts(p, c, f, most, first + zero->rows, shifts, dual);
-    if (!last)
-        add_shifts(p, c, f, &p->event[phase].after, -1, shifts, dual);
+    if (last)
+        add_shifts(p, c, f, &p->goal_cost, OF_COST, shifts, dual);
+    else
+        add_shifts(p, c, f, &p->event[phase].after, OF_STATE, shifts, dual);
 }
 
 /* Add what shifts of the conditions along a phase make of the value. */
@@ -99,18 +106,70 @@ static void add_along(const Engine *e, const Frame *f, int phase, const Steps *s
 {
     const Problem *p = e->problem;
     const Phase *ph = p->phase + phase;
+    const int count = p->shifts.shifts;
     line shifts[MOST_SHIFTS];
     for (int k = 0; k < steps->priced; k++) {
         const Priced *at = e->cache.priced + steps->which[k];
-        const int shift = shift_of(ph, at);
-        if (shift < 0)
+        const double *moves = moves_of(ph, count, at);
+        int any = 0;
+        for (int j = 0; j < count && moves; j++)
+            any |= moves[j] != 0;
+        if (!any)
             continue;
-        const interval share = interval_div(interval_of(at->node), interval_of(ph->steps));
-        clock_at(f, phase, share, t, box, &dual->clock);
+        const interval passed = plus(interval_of(at->node), interval_of(at->inside < 0 ? 0 : ph->place[1 + at->inside]));
+        clock_at(f, phase, interval_div(passed, interval_of(ph->steps)), t, box, &dual->clock);
         shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
         multiplier_model(&e->centre, f, e->centre.first_priced + steps->which[k], &dual->price);
-        model_of_shift(f, &dual->clock, shifts[shift], &dual->bent);
-        model_add_mul(f, 1, &dual->price, &dual->bent, &dual->value);
+        for (int j = 0; j < count; j++)
+            if (moves[j] != 0) {
+                model_of_shift(f, &dual->clock, shifts[j], &dual->bent);
+                model_add_mul(f, moves[j], &dual->price, &dual->bent, &dual->value);
+            }
+    }
+}
+
+/* Add what shifts of what is closed along a phase make of the value, from its costates. */
+static void add_driven(const Problem *p, const Frame *f, int phase, const Steps *steps, const double *t,
+                       const interval *box, Dual *dual)
+{
+    const Phase *ph = p->phase + phase;
+    const int d = steps->d, last = ph->nodes - 1;
+    line shifts[MOST_SHIFTS];
+    for (int node = 0; node < nodes_of(ph) && ph->given; node++) {
+        const interval passed = plus(interval_of(node / last), interval_of(ph->place[node % last]));
+        clock_at(f, phase, interval_div(passed, interval_of(ph->steps)), t, box, &dual->clock);
+        shifts_over(&p->shifts, dual->clock.centre, dual->clock.range, shifts);
+        for (int g = 0; g < ph->given; g++) {
+            const int first = (node * ph->given + g) * d;
+            int any = 0;
+            model_zero(f, &dual->price);
+            for (int a = 0; a < d; a++) {
+                if (line_is_zero(steps->moved[first + a]))
+                    continue;
+                const curve at = f->n ? steps->moved_curves[first + a] : curve_over(steps->moved[first + a]);
+                model_add_curve(f, 1, phase, &at, dual->costate + a, &dual->price);
+                any = 1;
+            }
+            if (!any)
+                continue;
+            model_settle(f, &dual->price);
+            model_of_shift(f, &dual->clock, shifts[(int)ph->drives[g]], &dual->bent);
+            model_add_mul(f, 1, &dual->price, &dual->bent, &dual->value);
+        }
+    }
+}
+
+/* Add what the end costs beside to its prices and to the value. */
+static void add_end(const Problem *p, const Frame *f, Dual *dual)
+{
+    const Rows *cost = &p->goal_cost;
+    for (int z = 0; z < cost->columns && cost->rows; z++) {
+        model_constant(f, interval_of(cost->A[z]), &dual->price);
+        model_add_scaled(f, 1, &dual->price, dual->costate + z);
+    }
+    if (cost->rows) {
+        model_constant(f, interval_of(cost->b[0]), &dual->price);
+        model_add_scaled(f, 1, &dual->price, &dual->value);
     }
 }
 
@@ -217,6 +276,8 @@ void dual_model(Engine *e, const Frame *f, const Steps *const *all, const double
         add_along(e, f, i, steps, t, box, dual);
         add_priced(c, f, zero, first, dual);
         add_priced(c, f, most, first + zero->rows, dual);
+        if (last)
+            add_end(p, f, dual);
         for (int z = 0; z < s; z++)
             model_settle(f, dual->costate + z);
         for (int k = 0; k < steps->priced; k++)
@@ -227,6 +288,7 @@ void dual_model(Engine *e, const Frame *f, const Steps *const *all, const double
         for (int a = 0; a < d; a++)
             range[a] = model_range(dual->costate + a);
         add_value(f, i, d, phase_value(ph, steps, choices, range, e->values + i), dual);
+        add_driven(p, f, i, steps, t, box, dual);
         for (int z = 0; z < s; z++) {
             model_zero(f, dual->start + z);
             for (int a = 0; a < d; a++) {

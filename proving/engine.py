@@ -38,11 +38,9 @@ def check_size(linear: LinearProblem) -> None:
             raise ProblemError(f"the problem has {count} {what.format(most)}.")
 
 
-def _counts(
-    linear: LinearProblem, limits: tuple[int, int, int, int, int, int]
-) -> tuple[tuple[str, int, int], ...]:
+def _counts(linear: LinearProblem, limits: tuple[int, ...]) -> tuple[tuple[str, int, int], ...]:
     """What there is, with its words, and how much of it there may be."""
-    phases, inputs, state, multipliers, of_step, priced = limits
+    phases, inputs, state, multipliers, of_step, priced, given = limits
     rows = len(linear.goal_zero.b) + len(linear.goal_most.b)
     rows += sum(len(e.zero.b) + len(e.most.b) for e in linear.events)
     squares, of = linear.definitions, ": proofs take at most {}"
@@ -62,4 +60,9 @@ def _counts(
         ),
         (f"conditions at events and at the goal{of}", rows, multipliers),
         (f"forces and directions of a step{of}", max(len(p.S) for p in linear.phases), of_step),
+        (
+            f"places and speeds of what moves while it is touched{of} at one time",
+            max(len(p.drives) for p in linear.phases),
+            given,
+        ),
     )

@@ -15,6 +15,8 @@
 /* How near an interval comes to where a wave has its ends, in half periods, that counts as having one
  * in it: more than rounding takes away below FAR. */
 #define NEAR_END 1e-9
+/* How far outward a zero may have been moved; a power has no values below zero. */
+#define MOVED_OUTWARD 1e-300
 
 /* Bounds as the library computed them, moved outward. */
 static inline interval interval_of_library(double lo, double hi)
@@ -29,6 +31,23 @@ static inline interval interval_exp(interval a)
 }
 
 static inline interval interval_log(interval a) { return interval_of_library(log(a.lo), log(a.hi)); }
+
+/* a^p for a >= 0: it grows with a where p > 0 and falls where p < 0, and is between its values at the
+ * ends of p. */
+static inline interval interval_pow(interval a, interval p)
+{
+    if (a.lo < 0 && a.lo > -MOVED_OUTWARD)
+        a.lo = 0;
+    if (!(a.lo >= 0))
+        return (interval){-INFINITY, INFINITY};
+    const double at[] = {pow(a.lo, p.lo), pow(a.lo, p.hi), pow(a.hi, p.lo), pow(a.hi, p.hi)};
+    const double least = fmin(fmin(at[0], at[1]), fmin(at[2], at[3]));
+    const double most = fmax(fmax(at[0], at[1]), fmax(at[2], at[3]));
+    if (!(most < INFINITY))
+        return (interval){-INFINITY, INFINITY};
+    const interval power = interval_of_library(least, most);
+    return power.lo < 0 ? (interval){0, power.hi} : power;
+}
 
 static inline interval interval_atan(interval a) { return interval_of_library(atan(a.lo), atan(a.hi)); }
 
@@ -91,6 +110,19 @@ static inline derivatives of_sqrt(interval a)
     const interval r = interval_sqrt(a), x = interval_div((interval){1, 1}, r), x2 = interval_sqr(x);
     const interval x3 = times(x2, x);
     return (derivatives){{r, scaled(x, 0.5), scaled(x3, -0.25), scaled(times(x3, x2), 0.375)}};
+}
+
+/* a^p with a constant p, p a^(p - 1), p (p - 1) a^(p - 2), p (p - 1) (p - 2) a^(p - 3) */
+static inline derivatives of_power(interval a, interval p)
+{
+    derivatives made = {{interval_pow(a, p)}};
+    interval factor = {1, 1};
+    for (int d = 1; d < 4; d++) {
+        factor = times(factor, p);
+        p = interval_sub(p, (interval){1, 1});
+        made.order[d] = times(factor, interval_pow(a, p));
+    }
+    return made;
 }
 
 /* atan a and, with y = 1/(1 + a^2), y, -2 a y^2, (6 a^2 - 2) y^3 */

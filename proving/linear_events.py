@@ -14,13 +14,10 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode
 from dmoc.mechanics.contacts import NOWHERE, RAIL
 from dmoc.problem.problem import Problem
-from dmoc.proving.linear import LinearEvent, Rows
+from dmoc.proving.linear import LinearEvent, Rows, Times
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.shared_forces import told_of
 from dmoc.proving.step_conditions import sides
-
-# A value that a mode decides, in the coordinates of the mode.
-DECIDED = 1e-12
 
 
 @record(frozen=True, eq=False)
@@ -48,8 +45,9 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
         if j != NOWHERE:
             gap = model.gap(j)
             zero.append(model.rows(before, gap.A, none, gap.b, model.shift(j)[:1]))
+    zero += _lifts(model, i, before)
     if event.impact:
-        gap, speed = model.gap(event.surface), model.shift(event.surface)[1:]
+        gap, speed = model.gap(event.surface), model.shift(event.surface)[1:2]
         most.append(model.rows(before, none, -gap.A, 0 * gap.b, -speed))  # it comes nearer
     impact = impact_of(model, i)
     zero += [*_stops(model, i, before, impact)]
@@ -57,18 +55,22 @@ def event_of(model: LinearModel, i: int, before: Frame, after: Frame) -> LinearE
     most += [*_speeds(model, before, impact)]
     for j, (low, high) in enumerate(p.via_bounds[i]):
         add_range(zero, most, low, high, partial(coordinate, model, before, j))
-    V, v_0 = model.velocity(before)
+    v = model.velocity(before)
     G, p_0, r = model.momentum.A[:, :n], model.momentum.b, before.size
     position = np.hstack([before.Z, np.zeros((n, r))])
-    momentum = model.M @ impact.jump @ V + G @ position
-    rest = model.M @ impact.jump @ v_0 + G @ before.origin + p_0
-    state = Rows(
+    momentum = model.M @ impact.jump @ v.A + G @ position
+    rest = model.M @ impact.jump @ v.b + G @ before.origin + p_0
+    moved = model.M @ (impact.jump @ v.shifted + impact.offset) + G @ before.moved
+    after_it = Rows(
         after.state(position, momentum), after.state(before.origin - after.origin, rest),
-        after.state(0 * impact.offset, model.M @ impact.offset),
+        after.state(before.moved - after.moved, moved),
     )  # fmt: skip
-    zero = [row for row in zero if not _is_decided(row)]
-    most = [row for row in most if np.abs(row.A).max() > DECIDED]
-    return LinearEvent(state, *(model.stacked(rows, 2 * r) for rows in (zero, most)))
+    zero = [row for row in zero if not row.is_decided]
+    most = [row for row in most if not row.is_constant]
+    own = [model.stacked(rows, 2 * r) for rows in (zero, most)]
+    of_state = [rows.of_state for rows in own]
+    when = Times.among(own[0], own[1], (~of_state[0], ~of_state[1]))
+    return LinearEvent(after_it, own[0][of_state[0]], own[1][of_state[1]], when)
 
 
 def impact_of(model: LinearModel, i: int) -> Impact:
@@ -76,7 +78,7 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     sticks, and turn the rate of what is hit by Newton's law."""
     p, n = model.problem, model.problem.nq
     event, before, after = p.touch.events[i], *p.touch.modes[i : i + 2]
-    count = model.shift(event.hit).shape[1]
+    count = model.movers.count
     if not event.impact:
         none = np.zeros((0, n))
         return Impact(np.eye(n), np.zeros((n, count)), none, np.zeros((0, count)), none, (), ())
@@ -90,7 +92,7 @@ def impact_of(model: LinearModel, i: int) -> Impact:
     E = np.array([*gaps, *(model.tangent(k) for k in stays.sticking)])
     D = np.array([*gaps[: len(hits)], *model.pushes(stays)])
     # E v+ = share v- + rates and v+ = v- + change impulses; what follows from others shares them
-    share, rates = 0 * E, np.zeros((len(E), count))
+    share, rates = 0 * E, -model.movers.speeds(surfaces, stays.sticking)
     for j in hits:
         e = _restitution(p, j)
         share[0], rates[0] = -e * E[0], -(1 + e) * model.shift(j)[1]
@@ -101,30 +103,63 @@ def impact_of(model: LinearModel, i: int) -> Impact:
 
 
 def _stops(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
-    """What sticks after an event and takes no impulse there has no speed."""
+    """What sticks after an event and takes no impulse there has no speed, nor has what turns."""
     touch = model.problem.touch
-    for k in touch.modes[i + 1].sticking:
+    for k in sorted({*touch.modes[i + 1].sticking, *np.flatnonzero(touch.stops[i]).tolist()}):
         if k not in impact.tangents:
-            row = model.tangent(k)[None]
-            yield model.rows(before, 0 * row, row @ impact.jump, np.zeros(1), row @ impact.offset)
+            yield _after(model, before, impact, model.tangent(k), model.movers.of_tangent(k)[1])
 
 
 def _directions(model: LinearModel, i: int, before: Frame, impact: Impact) -> Iterator[Rows]:
     """What slides after an impact does so in its direction, and before it in that of then."""
     touch = model.problem.touch
-    for k, way in model.ways(touch.modes[i + 1]):
+    for k, s in touch.modes[i + 1].sliding:
         if not touch.rubs_in_impact[i, k]:
             continue
-        row = -way[None]
-        yield model.rows(before, 0 * row, -row if touch.turns[i, k] else row, np.zeros(1))
-        yield model.rows(before, 0 * row, row @ impact.jump, np.zeros(1), row @ impact.offset)
+        back, moved = -s * model.tangent(k), -s * model.movers.of_tangent(k)[1]
+        sign = -1.0 if touch.turns[i, k] else 1.0
+        yield model.rows(before, 0 * back[None], sign * back[None], np.zeros(1), sign * moved)
+        yield _after(model, before, impact, back, moved)
 
 
-def directions(model: LinearModel, frame: Frame, mode: Mode) -> list[Rows]:
+def _after(model: LinearModel, before: Frame, impact: Impact, row: Array, moved: Array) -> Rows:
+    """A function row v + moved s of the velocity after an event."""
+    none = 0 * row[None]
+    return model.rows(
+        before, none, row[None] @ impact.jump, np.zeros(1), moved + row @ impact.offset
+    )
+
+
+def _lifts(model: LinearModel, i: int, before: Frame) -> Iterator[Rows]:
+    """The sum of the forces of what lifts off, which vanishes: F of M a = F + pushes f, where the
+    accelerations of what is closed are those of the surfaces."""
+    n, mode = model.problem.nq, model.problem.touch.modes[i]
+    for one in model.liftoffs:
+        if one.event != i:
+            continue
+        rows = [*(model.gap(j).A[0] for j in mode.closed), *map(model.tangent, mode.sticking)]
+        E, D = np.array(rows), np.array(model.pushes(mode))
+        free = (
+            np.linalg.solve(model.M, model.force.A),
+            np.linalg.solve(model.M, model.force.b + model.drag(mode)),
+        )
+        inverse = np.linalg.inv(E @ np.linalg.solve(model.M, D.T))
+        own = inverse[[j in one.surfaces for j in mode.closed] + [False] * len(mode.sticking)]
+        by_state, rest = own.sum(axis=0) @ E @ free[0], own.sum(axis=0) @ E @ free[1]
+        speeds = model.movers.speeds(mode.closed, mode.sticking)
+        bent = own.sum(axis=0) @ model.movers.derived(speeds)
+        yield model.rows(
+            before, by_state[None, :n], by_state[None, n : 2 * n], np.array([rest]), bent
+        )
+
+
+def directions(model: LinearModel, frame: Frame, mode: Mode) -> Iterator[Rows]:
     """What slides in a mode does so in its direction."""
-    ways = (-way[None] for _, way in model.ways(mode))
-    rows = (model.rows(frame, 0 * row, row, np.zeros(1)) for row in ways)
-    return [row for row in rows if not _is_decided(row)]
+    for k, s in mode.sliding:
+        back, moved = -s * model.tangent(k)[None], -s * model.movers.of_tangent(k)[1]
+        row = model.rows(frame, 0 * back, back, np.zeros(1), moved)
+        if not row.is_decided:
+            yield row
 
 
 def _speeds(model: LinearModel, before: Frame, impact: Impact) -> Iterator[Rows]:
@@ -178,15 +213,10 @@ def add_range(
     sign. What a mode decides is left out where it agrees."""
     if low == high:
         rows = row(1.0, low)
-        if not _is_decided(rows):
+        if not rows.is_decided:
             zero.append(rows)
         return
     if np.isfinite(high):
         most.append(row(1.0, high))
     if np.isfinite(low):
         most.append(row(-1.0, low))
-
-
-def _is_decided(row: Rows) -> bool:
-    """Whether a mode says already that a value vanishes."""
-    return not (np.abs(row.A).max() > DECIDED or abs(row.b[0]) > DECIDED or row.shifted.any())

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import null_space
@@ -15,9 +16,15 @@ from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contact_mode import Mode, mode_in_words
 from dmoc.mechanics.contacts import RAIL
 from dmoc.problem.problem import Problem
+from dmoc.program.blocks import Bools, Index
+from dmoc.program.liftoffs import Liftoff, liftoffs_of
 from dmoc.proving.linear import Rows, Shifts
-from dmoc.proving.recognition import Affine, affine
+from dmoc.proving.movers import Movers
+from dmoc.proving.recognition import NEEDED, TRIALS, Affine, affine, force_of
 from dmoc.proving.surface_shifts import Term, check_bounded, shifts_of, terms_of
+
+# A function of positions and times.
+Function: TypeAlias = Callable[[Array, Array], Array]
 
 # Contacts are wedged where the mass matrix of what they leave free has this condition.
 WEDGED = 1e9
@@ -30,16 +37,19 @@ SURFACES = (
 
 @record(frozen=True, eq=False)
 class Frame:
-    """Coordinates of a mode: q = origin + Z y, y = Z^T (q - origin).  The last ``held`` ones are
-    where it sticks: they stay what they are, and have no momentum. Those of the others are p_y =
-    left p, from which the forces of contacts vanish, with left M Z the unit matrix.  ``pushes`` are
-    the directions of these forces, shape (contacts, nq)."""
+    """Coordinates of a mode: q = origin + Z y + moved s(t), where s are shifts of what moves, y =
+    Z^T (q - origin - moved s).  The last ``held`` ones are where it sticks: they stay what they
+    are, and have no momentum. Those of the others are p_y = left p, from which the forces of
+    contacts vanish, with left M Z the unit matrix.  ``pushes`` are the directions of these forces,
+    shape (contacts, nq), and ``drives`` the numbers of the shifts that the steps depend on."""
 
     origin: Array
     Z: Array
     left: Array
     held: int
     pushes: Array
+    moved: Array
+    drives: Index
 
     @property
     def size(self) -> int:
@@ -52,7 +62,7 @@ class Frame:
         return self.size - self.held
 
     def state(self, position: Array, momentum: Array) -> Array:
-        """Rows (y, p_y) of those of q - origin and p, shape (nq, k) or (nq,) each."""
+        """Rows (y, p_y) of those of q - origin - moved s and p, shape (nq, k) or (nq,) each."""
         still = np.zeros((self.held, *momentum.shape[1:]))
         return np.concatenate([self.Z.T @ position, self.left @ momentum, still])
 
@@ -89,6 +99,11 @@ class LinearModel:
         """The mass matrix, shape (nq, nq)."""
         return self.momentum.A[:, self.problem.nq :]
 
+    @cached_property
+    def force(self) -> Affine:
+        """The forces of the model as function of (q, v, u)."""
+        return force_of(self.problem, self.sizes)
+
     def gap(self, j: int) -> Affine:
         """The gap to a surface as function of q; of one that moves, without its shift."""
         if j not in self._gaps:
@@ -100,7 +115,7 @@ class LinearModel:
         return {}
 
     def _gap(self, j: int) -> Affine:
-        p, n = self.problem, self.problem.nq
+        p = self.problem
         name = p.kernels.surfaces[j]
         if j not in p.model.moving:
 
@@ -108,46 +123,61 @@ class LinearModel:
                 return p.model.gaps(q)[:, [j]]
 
             return affine(values, p.kernels.coordinates, f"gap to {name}", self.sizes, SURFACES)
-        latest = p.final_time_bounds[1]
-        check_bounded(shifts_of(self._terms[j]), name, latest)
+        check_bounded(shifts_of(self._terms[0][j]), name, p.final_time_bounds[1])
+        return Affine(self._moved(p.model.gaps, j, f"gap to {name}", SURFACES), np.zeros(1))
+
+    @cached_property
+    def _terms(self) -> tuple[list[tuple[Term, Term]], list[tuple[Term, Term]]]:
+        """The places and speeds of all surfaces and tangents."""
+        return terms_of(self.problem)
+
+    def _moved(self, function: Function, j: int, what: str, needed: str) -> Array:
+        """The gradient of a function of (q, t) that moves without turning, shape (1, nq)."""
+        p, n, latest = self.problem, self.problem.nq, self.problem.final_time_bounds[1]
 
         def rest(x: Array) -> Array:
             """What is left without the shift at times until the latest one."""
             q, time = x[:, :n], latest * (1 + x[:, n]) / 2
-            return (p.model.gaps(q, time) - p.model.gaps(0 * q, time))[:, [j]]
+            return (function(q, time) - function(0 * q, time))[:, [j]]
 
         names, width = [*p.kernels.coordinates, "the time"], np.append(self.sizes, 1.0)
-        even = affine(rest, names, f"gap to {name}", width, SURFACES)
-        return Affine(even.A[:, :n], np.zeros(1))
+        return affine(rest, names, what, width, needed).A[:, :n]
 
     @cached_property
-    def _terms(self) -> list[tuple[Term, Term]]:
-        """The shift of each surface, and its slope."""
-        return terms_of(self.problem)
+    def movers(self) -> Movers:
+        """What moves in a given way: flat surfaces, and tangents that rub."""
+        p, latest = self.problem, self.problem.final_time_bounds[1]
+        surfaces = [j for j in self.flat if j in p.model.moving]
+        rubs = sorted({k for mode in p.touch.modes for k in mode.rubbing})
+        tangents = [k for k in rubs if self._slides_away[k]]
+        terms = [self._terms[0][j] for j in surfaces]
+        for k in tangents:
+            check_bounded(shifts_of(self._terms[1][k]), f"tangent {p.kernels.tangents[k]}", latest)
+            terms.append(self._terms[1][k])
+        return Movers(tuple(surfaces), tuple(tangents), tuple(terms), latest, bool(self.liftoffs))
 
     @cached_property
-    def moving(self) -> list[int]:
-        """The numbers of the flat surfaces that move."""
-        return [j for j in self.flat if j in self.problem.model.moving]
+    def _slides_away(self) -> Bools:
+        """Which tangents move, as belts do, shape (nt,)."""
+        p = self.problem
+        t = np.random.default_rng(0).uniform(0, p.final_time_bounds[1], TRIALS)
+        slopes = p.model.tangent_slopes(np.zeros((TRIALS, p.nq)), t)
+        return np.asarray(slopes[..., -1].any(axis=0))
 
     @cached_property
+    def liftoffs(self) -> tuple[Liftoff, ...]:
+        """Contacts that leave where their forces vanish."""
+        return liftoffs_of(self.problem)
+
+    @property
     def shifts(self) -> Shifts:
-        """The places and speeds of these."""
-        shifts = shifts_of([term for j in self.moving for term in self._terms[j]])
-        assert shifts is not None  # each has been tried
-        check_bounded(shifts, "all surfaces", self.problem.final_time_bounds[1])
-        return shifts
-
-    def shifted_by(self, j: int) -> int:
-        """The number of the shift that is the place of a surface; -1 of one that stands."""
-        return 2 * self.moving.index(j) if j in self.moving else -1
+        """The places and speeds of what moves, and its accelerations where something lifts off."""
+        return self.movers.shifts
 
     def shift(self, j: int) -> Array:
-        """The place and the speed of a surface as functions of the shifts, shape (2, shifts)."""
-        rows, at = np.zeros((2, 2 * len(self.moving))), self.shifted_by(j)
-        if at >= 0:
-            rows[0, at] = rows[1, at + 1] = 1.0
-        return rows
+        """Place, speed and acceleration of a surface as functions of the shifts, shape (orders,
+        shifts)."""
+        return self.movers.of_surface(j)
 
     @cached_property
     def flat(self) -> dict[int, Affine]:
@@ -164,10 +194,11 @@ class LinearModel:
 
     def frame(self, mode: Mode) -> Frame:
         """The coordinates of a mode."""
-        n = self.problem.nq
+        n, movers = self.problem.nq, self.movers
         if mode.free:
-            return Frame(np.zeros(n), np.eye(n), np.eye(n), 0, np.zeros((0, n)))
-        gaps = [self._standing(j) for j in mode.closed]
+            none = np.zeros((0, n)), np.zeros((n, movers.count)), np.zeros(0, dtype=int)
+            return Frame(np.zeros(n), np.eye(n), np.eye(n), 0, *none)
+        gaps = [self.gap(j) for j in mode.closed]
         places = np.array([gap.A[0] for gap in gaps]).reshape(-1, n)
         stuck = np.array([self.tangent(k) for k in mode.sticking]).reshape(-1, n)
         pushes = np.array(self.pushes(mode)).reshape(-1, n)
@@ -182,9 +213,18 @@ class LinearModel:
                 f"the contacts {self._in_words(mode)} leave the motion undetermined: proofs cover "
                 "those whose friction does not wedge what slides."
             )
+        own = [movers.of_surface(j) for j in mode.closed]
+        own += [movers.of_tangent(k) for k in mode.sticking]
+        moved = movers.followed(np.vstack([places, stuck]), own)
+        if moved is None:
+            raise ProblemError(
+                f"the contacts {self._in_words(mode)} move apart: proofs cover those that keep "
+                "their distances while they are closed at once."
+            )
         return Frame(
-            origin, np.hstack([free, held]), np.linalg.solve(mass, left), held.shape[1], pushes
-        )
+            origin, np.hstack([free, held]), np.linalg.solve(mass, left), held.shape[1], pushes,
+            moved, movers.drives(mode.closed, tuple(mode.rubbing)),
+        )  # fmt: skip
 
     def pushes(self, mode: Mode, rails: bool = True) -> list[Array]:
         """Directions in which the contacts of a mode push: against a normal with the friction of
@@ -222,29 +262,19 @@ class LinearModel:
         """What slides in a mode, and its gradient in its direction, shape (nq,)."""
         return [(k, s * self.tangent(k)) for k, s in mode.sliding]
 
-    def _standing(self, j: int) -> Affine:
-        """The gap to a surface that is touched for a while."""
-        gap = self.gap(j)
-        if j in self.problem.model.moving:
-            raise ProblemError(
-                f"{self.problem.kernels.surfaces[j]} moves while it is touched: proofs cover "
-                "contacts that last with surfaces that stand."
-            )
-        return gap
-
     def _in_words(self, mode: Mode) -> str:
         return mode_in_words(self.problem.touch.contacts, mode)
 
     def tangent(self, k: int) -> Array:
         """The gradient of a tangential position, shape (nq,)."""
-        p = self.problem
+        if k not in self._tangents:
+            model, name = self.problem.model, self.problem.kernels.tangents[k]
+            self._tangents[k] = self._moved(model.tangents, k, f"tangent {name}", NEEDED)[0]
+        return self._tangents[k]
 
-        def values(q: Array) -> Array:
-            return p.model.tangents(q)[:, [k]]
-
-        name = p.kernels.tangents[k]
-        tangent = affine(values, list(p.kernels.coordinates), f"tangent {name}", self.sizes)
-        return np.asarray(tangent.A[0])
+    @cached_property
+    def _tangents(self) -> dict[int, Array]:
+        return {}
 
     def friction(self, k: int) -> float:
         """The coefficient of a tangent, or the force of a rail."""
@@ -258,8 +288,8 @@ class LinearModel:
 
     # Functions of the state -----------------------------------------------------------------------
 
-    def velocity(self, frame: Frame) -> tuple[Array, Array]:
-        """v as function V z + v_0 of the state in a mode, shapes (nq, 2 r) and (nq,)."""
+    def velocity(self, frame: Frame) -> Rows:
+        """v as function of the state in a mode."""
         n, r = self.problem.nq, frame.size
         Z = frame.Z[:, : frame.moving]
         inverse = Z @ np.linalg.inv(frame.left @ self.M @ Z)
@@ -267,18 +297,20 @@ class LinearModel:
         V = np.zeros((n, 2 * r))
         V[:, :r] = -inverse @ frame.left @ G @ frame.Z
         V[:, r : r + frame.moving] = inverse
-        return V, -inverse @ frame.left @ (G @ frame.origin + p_0)
+        speeds = self.movers.derived(frame.moved)
+        own = speeds - inverse @ frame.left @ (G @ frame.moved + self.M @ speeds)
+        return Rows(V, -inverse @ frame.left @ (G @ frame.origin + p_0), own)
 
     def rows(
         self, frame: Frame, a: Array, v: Array, b: Array, shifted: Array | float = 0.0
     ) -> Rows:
         """Functions a q + v v + b + shifted s(t) of the state in a mode."""
-        V, v_0 = self.velocity(frame)
-        A = v @ V
+        speed = self.velocity(frame)
+        A = v @ speed.A
         A[:, : frame.size] += a @ frame.Z
-        moved = np.broadcast_to(shifted, (len(b), 2 * len(self.moving))).astype(float)
-        return Rows(A, a @ frame.origin + v @ v_0 + b, moved)
+        moved = shifted + a @ frame.moved + v @ speed.shifted
+        return Rows(A, a @ frame.origin + v @ speed.b + b, moved)
 
     def stacked(self, rows: list[Rows], size: int) -> Rows:
         """Rows below each other, of states of a size."""
-        return Rows.stacked(rows, size, 2 * len(self.moving))
+        return Rows.stacked(rows, size, self.movers.count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -11,13 +12,12 @@ from dmoc.base.names import momentum_name, velocity_name
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.program.bounds import shortest_durations
-from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.coverage import check_covered
-from dmoc.proving.linear import LinearProblem, Rows, through
-from dmoc.proving.linear_events import DECIDED, add_range, coordinate, directions, event_of, rate
+from dmoc.proving.linear import DECIDED, LinearProblem, Rows, Times, through
+from dmoc.proving.linear_events import add_range, coordinate, directions, event_of, rate
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.linear_steps import LinearSteps
-from dmoc.proving.recognition import check_linear
+from dmoc.proving.recognition import SAME_VALUE, check_linear
 from dmoc.proving.state_costs import cost_of_end
 
 # The shortest phase, relative to the final time, where the program knows none.
@@ -36,19 +36,28 @@ def linear_problem(problem: Problem) -> LinearProblem:
     count = problem.phases - problem.ends_with_event
     events = [event_of(model, i, *frames[i : i + 2]) for i in range(len(problem.sequence))]
     start = _start(model, frames[0])
-    zero, most, *ties = _ends(model, frames[0], frames[-1], start[0])
+    zero, most, *ties = _ends(model, frames[0], frames[-1], start)
     hard = len(zero.b)
-    zero = model.stacked([zero, _squares(model, frames[-1])], 2 * frames[-1].size)
+    squares, cost = _cost_of_end(model, frames[-1])
+    zero = model.stacked([zero, squares], 2 * frames[-1].size)
     soft = (np.arange(len(zero.b)) >= hard).astype(float)
     if problem.ends_with_event:
         last = events.pop()
         size = last.after.A.shape[1]
         zero = model.stacked([through(zero, last.after), last.zero], size)
         most = model.stacked([through(most, last.after), last.most], size)
+        cost = through(cost, last.after)
+    soft = np.append(soft, np.zeros(len(zero.b) - len(soft)))
+    tied = [_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]
+    kept = [of.of_state | tie.any(axis=1) for of, tie in zip((zero, most), tied, strict=True)]
+    kept[0] |= soft > 0
+    when = Times.among(zero, most, (~kept[0], ~kept[1]))
+    if problem.ends_with_event:
+        when = when.beside(last.when)
     return LinearProblem(
         tuple(steps.phase(i, frames[i]) for i in range(count)), tuple(events), start,
-        np.vstack([_padded(tie, len(of.b)) for tie, of in zip(ties, (zero, most), strict=True)]),
-        zero, most, np.append(soft, np.zeros(len(zero.b) - len(soft))), _durations(problem)[:count],
+        np.vstack([tie[own] for tie, own in zip(tied, kept, strict=True)]),
+        zero[kept[0]], most[kept[1]], cost, when, soft[kept[0]], _durations(problem)[:count],
         problem.final_time_bounds, model.shifts, model.sizes, np.diag(model.M),
         _left_out(model, steps),
     )  # fmt: skip
@@ -70,7 +79,6 @@ def _left_out(model: LinearModel, steps: LinearSteps) -> tuple[str, ...]:
         *(f"the gap to {name} along phases" for name in others),
         *(f"bounds of {name}" for name in p.limits if name not in rates),
         *(f"the path constraint {name}" for name in p.kernels.manifest.path_constraints),
-        *(("that what leaves does not press any more",) if liftoffs_of(p) else ()),
         *(("that steps share inputs where they meet",) if steps.parts_inputs else ()),
     )
 
@@ -101,7 +109,8 @@ def _start(model: LinearModel, frame: Frame) -> Array:
     by_rate = np.eye(n) if given else M
     middle, reach = (np.concatenate([place, speed]) @ half for half in ((0.5, 0.5), (-0.5, 0.5)))
     momentum = by_place @ middle[:n] + by_rate @ middle[n:] + (0 if given else p_0)
-    first = frame.state(middle[:n] - frame.origin, momentum)
+    moved = frame.moved @ model.movers.at_start(frame.drives)
+    first = frame.state(middle[:n] - frame.origin - moved, momentum)
     alone = np.ones(2 * n) if frame.moving == n else _freedoms(model, frame, given)
     if (reach > 0)[alone == 0].any():
         name = [*names, *map(velocity_name, names)][int(np.argmax((reach > 0) & (alone == 0)))]
@@ -130,12 +139,12 @@ def _ties(model: LinearModel, first: Frame, last: Frame) -> tuple[list[Rows], li
     for relation in model.problem.relations:
         end = _state(model, last, relation.end)
         parts = [(f, _state(model, first, name)) for name, f in relation.terms]
-        tie = sum(-f * row.A for f, row in parts)
-        rest = end.b - sum(f * row.b for f, row in parts)
-        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, 0 * end.shifted)
+        tie, begin = sum(-f * row.A for f, row in parts), model.movers.at_start(first.drives)
+        rest = end.b - sum(f * (row.b + row.shifted @ begin) for f, row in parts)
+        rows = Rows(np.hstack([end.A, np.asarray(tie)]), rest, end.shifted)
 
         def row(sign: float, value: float, rows: Rows = rows) -> Rows:
-            return Rows(sign * rows.A, sign * (rows.b - value), rows.shifted)
+            return Rows(sign * rows.A, sign * (rows.b - value), sign * rows.shifted)
 
         add_range(zero, most, relation.low, relation.high, row)
     return zero, most
@@ -151,11 +160,15 @@ def _state(model: LinearModel, frame: Frame, name: str) -> Rows:
     raise ProblemError(f"proofs do not cover the quantity {name} in periodic.")
 
 
-def _squares(model: LinearModel, frame: Frame) -> Rows:
-    """The squares that the end costs."""
-    p = model.problem
+def _cost_of_end(model: LinearModel, frame: Frame) -> tuple[Rows, Rows]:
+    """The squares that the end costs, and a row that it costs beside, or none."""
+    p, n = model.problem, model.problem.nq
     cost = cost_of_end(p, model.sizes, p.final_time_bounds[1] / p.phases)
-    return model.rows(frame, cost.E[:, : p.nq], cost.E[:, p.nq :], cost.e)
+    squares = model.rows(frame, cost.E[:, :n], cost.E[:, n:], cost.e)
+    beside = [cost.slope[None]] if cost.slope.any() or cost.rest else []
+    slopes = np.array(beside).reshape(-1, 2 * n)
+    rest = np.full(len(slopes), cost.rest)
+    return squares, model.rows(frame, slopes[:, :n], slopes[:, n:], rest)
 
 
 def _ends(
@@ -164,14 +177,37 @@ def _ends(
     """What vanishes at the end and what is not positive there, at the middle of the start, and what
     each of both adds for other starts, shapes (rows, 2 r)."""
     ends, ties, size = list[Rows](), list[Array](), 2 * last.size
-    for goal, tied in zip(_goal(model, last), _ties(model, first, last), strict=True):
+    goals, pairs = _goal(model, last), _ties(model, first, last)
+    goals[1].extend(_slides_at_end(model, last, goals[0]))
+    pairs[1].extend(_slides_at_start(model, first, start, size))
+    for goal, tied in zip(goals, pairs, strict=True):
         own = model.stacked(goal, size)
         both = model.stacked(tied, size + 2 * first.size)
         tie = both.A[:, size:]
-        end = Rows(both.A[:, :size], both.b + tie @ start, both.shifted)
+        end = Rows(both.A[:, :size], both.b + tie @ start[0], both.shifted)
         ends.append(model.stacked([own, end], size))
         ties.append(np.vstack([np.zeros((len(own.b), 2 * first.size)), tie]))
     return ends[0], ends[1], ties[0], ties[1]
+
+
+def _slides_at_end(model: LinearModel, last: Frame, zero: list[Rows]) -> Iterator[Rows]:
+    """The directions of what slides at the end, where the goal does not decide its speed."""
+    if model.problem.ends_with_event:
+        return
+    fixed = model.stacked(zero, 2 * last.size).A
+    for row in directions(model, last, model.problem.touch.modes[-1]):
+        rest = row.A - (row.A @ np.linalg.pinv(fixed)) @ fixed
+        if np.abs(rest).max(initial=0.0) > SAME_VALUE * np.abs(row.A).max(initial=0.0):
+            yield row
+
+
+def _slides_at_start(model: LinearModel, first: Frame, start: Array, size: int) -> Iterator[Rows]:
+    """The directions of what slides at the start, where its speed is a range, as functions of both
+    ends."""
+    for row in directions(model, first, model.problem.touch.modes[0]):
+        if (start[1:] @ row.A[0]).any():
+            rest = row.b + row.shifted @ model.movers.at_start(first.drives)
+            yield Rows(np.hstack([np.zeros((1, size)), row.A]), rest, 0 * row.shifted)
 
 
 def _padded(rows: Array, count: int) -> Array:
@@ -190,8 +226,6 @@ def _goal(model: LinearModel, frame: Frame) -> tuple[list[Rows], list[Rows]]:
             (bounds.momentum[j], _impetus),
         ):
             add_range(zero, most, low, high, partial(row, model, frame, j))
-    if not model.problem.ends_with_event:
-        most += directions(model, frame, model.problem.touch.modes[-1])
     return zero, most
 
 

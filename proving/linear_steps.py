@@ -49,13 +49,13 @@ class LinearSteps:
                 f"the input {name} has neither a cost of its own nor bounds: give it one of both, "
                 "or nothing keeps it finite."
             )
-        paths, most, since, moves = self._paths(i, frame)
+        paths, most, since, within, moves = self._paths(i, frame)
         along = self._along(i, frame)
         asked = StepConditions(self.model, i, frame, along)
         low, high = bounds.T
         phase = LinearPhase(
             p.phase_steps[i], self._powers_in(frame, along), R, c, c_0, low, high, paths, most,
-            since, moves, asked.S, asked.conditions,
+            since, moves, within, np.sort(p.scheme.nodes), frame.drives, asked.S, asked.conditions,
         )  # fmt: skip
         squares = squares_of(self.state_cost, frame, p.scheme, self._form)
         return with_squares(phase, squares, self._heavy)
@@ -152,7 +152,7 @@ class LinearSteps:
 
     def _along(self, i: int, frame: Frame) -> Array:
         """P of a phase in the coordinates of its mode and the momenta of the model, with the
-        friction of rails, shape (3, d + 1, nq, r + na + nb + 1)."""
+        friction of rails, shape (3, d + 1, nq, r + na + nb + ns + 1)."""
         model, p = self.model, self.model.problem
         n, d, P = p.nq, p.scheme.degree, self._powers
         nodes, rest = P[:, :, : (d + 1) * n], P[:, :, (d + 1) * n :].copy()
@@ -160,7 +160,10 @@ class LinearSteps:
         first, *inside, last = p.scheme.weights
         shares = np.array([*inside, first, last])
         rest[2, :, -1] += np.kron(shares, model.drag(p.touch.modes[i]))
-        own = np.concatenate([nodes @ np.kron(np.eye(d + 1), frame.Z), rest], axis=2)
+        own, driven = (
+            nodes @ np.kron(np.eye(d + 1), part) for part in (frame.Z, frame.moved[:, frame.drives])
+        )
+        own = np.concatenate([own, rest[:, :, :-1], driven, rest[:, :, -1:]], axis=2)
         return np.asarray(own.reshape(3, d + 1, n, own.shape[2]))
 
     def _powers_in(self, frame: Frame, along: Array) -> Array:
@@ -232,22 +235,26 @@ class LinearSteps:
             total += at.weight * self.state_cost.at(x, u @ at.of_inputs(p.nu).T)
         return total
 
-    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array, Array]:
-        """What holds in the steps of a phase and at their ends, from which step on, and the shifts
-        of what moves: bounds of coordinates, flat surfaces but for the first step after they were
-        touched."""
+    def _paths(self, i: int, frame: Frame) -> tuple[Array, Array, Array, Array, Array]:
+        """What holds in the steps of a phase and at their ends, from which step on, whether inside
+        them too, and what shifts add: bounds of coordinates, flat surfaces but for the first step
+        after they were touched.  The program has times inside steps where something lasts."""
         p, model = self.model.problem, self.model
         rows, rest = list[Array](), list[tuple[float, float, float]]()
-        modes = p.touch.modes
+        modes, moves = p.touch.modes, list[Array]()
         for j, sign, bound in sides(p.coordinate_bounds):
             rows.append(sign * np.eye(p.nq)[j])
-            rest.append((bound, 0.0, -1.0))
+            rest.append((bound, 0.0, 1.0))
+            moves.append(np.zeros(model.movers.count))
         for j, gap in model.flat.items():
             if p.kernels.surfaces[j] not in p.ignored and j not in modes[i].closed:
                 rows.append(gap.A[0])
                 left = i > 0 and j in modes[i - 1].closed
-                rest.append((-gap.b[0], float(left), model.shifted_by(j)))
-        A, (b, since, moves) = np.array(rows).reshape(-1, p.nq), np.array(rest).reshape(-1, 3).T
+                timed = j not in p.model.moving or not p.touch.free
+                rest.append((-gap.b[0], float(left), float(timed)))
+                moves.append(model.shift(j)[0])
+        A, (b, since, within) = np.array(rows).reshape(-1, p.nq), np.array(rest).reshape(-1, 3).T
+        moved = np.array(moves).reshape(len(A), model.movers.count) + A @ frame.moved
         A, b = A @ frame.Z, b - A @ frame.origin
-        kept = np.abs(A).max(axis=1, initial=0.0) > 0
-        return A[kept], b[kept], since[kept], moves[kept]
+        kept = np.abs(np.hstack([A, moved])).max(axis=1, initial=0.0) > 0
+        return A[kept], b[kept], since[kept], within[kept], moved[kept]

@@ -8,16 +8,19 @@
 size_t steps_size(const Phase *p, int d)
 {
     const size_t s = 2 * p->r, values = s * d + 2 * d + (size_t)d * d; /* curves have less room */
-    return (s + p->na - p->r + p->rows) * (s + p->nb + 1) + (size_t)p->steps * p->nb * d + 2 * values;
+    const size_t of_steps = (size_t)p->steps * p->nb + 2 * moved_in_phase(p);
+    return (s + p->na - p->r + p->rows) * columns_of(p) + of_steps * d + 2 * values;
 }
 
 void steps_place(Steps *steps, const Phase *p, int d, line *at)
 {
-    const int s = 2 * p->r;
-    steps->map = at, at += s * (s + p->nb + 1);
-    steps->inner = at, at += (p->na - p->r) * (s + p->nb + 1);
-    steps->rows = at, at += p->rows * (s + p->nb + 1);
+    const int s = 2 * p->r, m = columns_of(p);
+    steps->map = at, at += s * m;
+    steps->inner = at, at += (p->na - p->r) * m;
+    steps->rows = at, at += p->rows * m;
     steps->response = at, at += p->steps * p->nb * d;
+    steps->moved = at, at += moved_in_phase(p) * d;
+    steps->moved_curves = (curve *)at, at += moved_in_phase(p) * d;
     steps->start = at, at += s * d;
     steps->without.linear = at, at += d;
     steps->without.square = 0, steps->without.curves = 0;
@@ -36,14 +39,15 @@ static void subtract_limit(const Phase *p, const Priced *at, line *price)
     *price = line_add(*price, line_of(-p->most[at->path]));
 }
 
-/* Where a step has what one of (y, h p, u, 1) costs: in the prices of the state (y, h p) before it,
- * (2 r, d), or in what its inputs cost. */
+/* Where a step has what one of (y, h p, u, s, 1) costs: in the prices of the state (y, h p) before
+ * it, (2 r, d), in what its inputs cost, or what shifts cost at its nodes, which steps share. */
 static line *prices_of(const Phase *p, int k, const Steps *steps, int column, line *prices)
 {
-    const int s = 2 * p->r, d = steps->d;
-    return column < s            ? prices + column * d
-           : column < s + p->nb ? steps->response + (k * p->nb + column - s) * d
-                                : steps->without.linear;
+    const int s = 2 * p->r, d = steps->d, shift = column - s - p->nb;
+    return column < s                 ? prices + column * d
+           : shift < 0                ? steps->response + (k * p->nb + column - s) * d
+           : shift < moved_in_step(p) ? steps->moved + (k * (p->nodes - 1) * p->given + shift) * d
+                                      : steps->without.linear;
 }
 
 /* The row of a condition in a step; none where it is one of other steps. */
@@ -54,13 +58,13 @@ static const line *row_in_step(const Phase *p, const Priced *at, int k, const St
                     : of[4] == IN_SUM || at->node == k ? (int)of[0]
                     : at->node == k - 1     ? (int)of[1]
                                             : -1;
-    return row < 0 ? 0 : steps->rows + row * (2 * p->r + p->nb + 1);
+    return row < 0 ? 0 : steps->rows + row * columns_of(p);
 }
 
 /* Add the conditions inside a step to what its start and its inputs cost. */
 static void add_inside(const Phase *p, int k, const Priced *priced, const Steps *steps, line *prices)
 {
-    const int r = p->r, s = 2 * r, d = steps->d, m = s + p->nb + 1;
+    const int r = p->r, s = 2 * r, d = steps->d, m = columns_of(p);
     for (int i = s; i < d - 1; i++) {
         const Priced *at = priced + steps->which[i - s];
         const line *row = row_in_step(p, at, k, steps);
@@ -81,7 +85,7 @@ static void add_inside(const Phase *p, int k, const Priced *priced, const Steps 
 /* Add what a step costs beside its inputs. */
 static void add_cost(const Phase *p, int k, const Steps *steps, line *prices)
 {
-    const int d = steps->d, m = 2 * p->r + p->nb + 1;
+    const int d = steps->d, m = columns_of(p);
     for (int column = 0; column < m && p->cost >= 0; column++) {
         line *to = prices_of(p, k, steps, column, prices) + d - 1;
         *to = line_add(*to, steps->rows[p->cost * m + column]);
@@ -106,7 +110,8 @@ static void add_conditions(const Phase *p, int node, const Priced *priced, const
 int phase_steps(const Phase *p, int number, double centre, interval duration, int count,
                 const Priced *priced, const double *begin, Steps *steps)
 {
-    const int r = p->r, s = 2 * r, nb = p->nb, m = s + nb + 1;
+    const int r = p->r, s = 2 * r, nb = p->nb, m = columns_of(p);
+    const size_t moved = moved_in_phase(p);
     const interval none = {0, 0}, N = interval_of(p->steps);
     const interval share = interval_div(interval_of(1), N);
     const line h = {interval_div(interval_of(centre), N), share, none, interval_div(duration, N), share, none, none};
@@ -134,12 +139,13 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
     for (int j = 0; j < d; j++)
         linear[j] = line_of(0);
     linear[d - 1] = line_scaled(line_scaled(h, p->steps), p->c_0);
+    memset(steps->moved, 0, sizeof(line) * moved * d);
     add_conditions(p, p->steps, priced, steps, now);
     for (int k = p->steps - 1; k >= 0; k--) {
         for (int column = 0; column < m; column++) {
             line *to = prices_of(p, k, steps, column, next);
             for (int j = 0; j < d; j++) {
-                line sum = column == m - 1 ? to[j] : line_of(0);
+                line sum = column >= s + nb ? to[j] : line_of(0);
                 for (int i = 0; i < s; i++)
                     sum = line_add_mul(sum, steps->map[i * m + column], now[i * d + j]);
                 to[j] = line_centred(sum, away);
@@ -164,6 +170,10 @@ int phase_steps(const Phase *p, int number, double centre, interval duration, in
         }
     for (int j = 0; j < d; j++)
         linear[j] = line_centred(linear[j], away);
+    for (size_t j = 0; j < moved * d; j++) {
+        steps->moved[j] = line_centred(steps->moved[j], away);
+        steps->moved_curves[j] = curve_of(steps->moved[j], steps->most);
+    }
     for (int i = 0; i < nb; i++)
         if (!(p->R[i * nb + i] > 0))
             return 0; /* what costs nothing has bounds */

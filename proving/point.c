@@ -20,6 +20,11 @@ static void constants_of(const Problem *p, const Centre *c, Point *at)
                 constant[j] += interval_mid(steps[i]->without.linear[k].v0) * L[k * WIDTH + j];
         for (int k = 0; k < steps[i]->priced; k++)
             constant[c->first_priced + steps[i]->which[k]] += shift_along(p, c, steps, i, k, &along);
+        if (p->phase[i].given) {
+            moved_row(p, c, i, steps[i], at->moved + moved_before(p, i), 0, L, 0, row);
+            for (int j = 0; j <= c->multipliers; j++)
+                constant[j] += row[j];
+        }
         shifts_at(p, time, shift, slope);
         const int last = i == p->phases - 1;
         const Rows *zero = last ? &p->goal_zero : &p->event[i].zero;
@@ -33,6 +38,27 @@ static void constants_of(const Problem *p, const Centre *c, Point *at)
             after_row(p, c, steps[i + 1], i, shift, COSTATES(at, i + 1), 0, row);
             for (int j = 0; j <= c->multipliers; j++)
                 constant[j] += row[j];
+        }
+    }
+    if (p->goal_cost.rows)
+        constant[c->multipliers] += p->goal_cost.b[0] + shifted(p, &p->goal_cost, 0, shift);
+}
+
+/* The shifts at the nodes of all phases, and their rates. */
+static void follow_shifts(const Problem *p, Point *at)
+{
+    double shift[MOST_SHIFTS], rate[MOST_SHIFTS], time = 0;
+    size_t next = 0;
+    for (int i = 0; i < p->phases; time += at->t[i++]) {
+        const Phase *ph = p->phase + i;
+        const int last = ph->nodes - 1;
+        for (int node = 0; node < nodes_of(ph) && ph->given; node++) {
+            const double passed = (node / last + ph->place[node % last]) / ph->steps;
+            shifts_at(p, time + at->t[i] * passed, shift, rate);
+            for (int g = 0; g < ph->given; g++, next++) {
+                at->moved[next] = shift[(int)ph->drives[g]];
+                at->rate[next] = rate[(int)ph->drives[g]];
+            }
         }
     }
 }
@@ -229,6 +255,7 @@ void point_begin(const Problem *p, const Centre *c, const double *t, const Steps
                  Point *at)
 {
     at->t = t, at->steps = steps;
+    follow_shifts(p, at);
     for (int i = p->phases - 1; i >= 0; i--)
         costates_of(p, steps, c, -1, i, i + 1 < p->phases ? COSTATES(at, i + 1) : 0, 0,
                     COSTATES(at, i));

@@ -12,9 +12,9 @@ from dmoc.base.arguments import path
 from dmoc.base.errors import ProblemError
 from dmoc.base.files import write_whole
 from dmoc.proving.branch import Branch
-from dmoc.proving.linear import LinearProblem, Rows
+from dmoc.proving.linear import LinearProblem
 
-FORMAT = 4
+FORMAT = 5
 
 
 def digest(linear: LinearProblem, limit: float, gap: float) -> str:
@@ -24,8 +24,8 @@ def digest(linear: LinearProblem, limit: float, gap: float) -> str:
         for part in vars(phase).values():
             numbers.update(np.asarray(part, dtype=float).tobytes())
     rows = [part for event in linear.events for part in vars(event).values()]
-    for of in (*rows, linear.goal_zero, linear.goal_most):
-        for part in vars(of).values() if isinstance(of, Rows) else ():
+    for of in (*rows, linear.goal_zero, linear.goal_most, linear.goal_cost, linear.goal_when):
+        for part in vars(of).values():
             numbers.update(np.asarray(part).tobytes())
     for part in vars(linear.shifts).values():
         numbers.update(np.asarray(part, dtype=float).tobytes())

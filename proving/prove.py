@@ -84,8 +84,9 @@ def prove(
     problem : Problem
         Of a model with a constant mass matrix and forces that are affine in positions, velocities
         and inputs; surfaces of its sequence are flat, and stand or are moved by any function of the
-        time without turning; its cost is convex and quadratic in inputs, positions and
-        velocities.  Its final time has an upper bound, and ranges of its start have both ends.
+        time without turning, also while they are touched; its cost is convex and quadratic in
+        inputs, positions and velocities.  Its final time has an upper bound, and ranges of its
+        start have both ends.
     gap : float
         How far the bound may stay below the cost of the motion, relative to it.
     seconds : float, optional
@@ -194,8 +195,10 @@ def lower_bound(
     problem = problem.in_rates()
     linear = linear_problem(problem)
     check_size(linear)
-    lowered = linear.soft.any() or any(
-        phase.c.any() or phase.c_0 < 0 or phase.cost >= 0 for phase in linear.phases
+    lowered = (
+        linear.soft.any()
+        or len(linear.goal_cost.b)
+        or any(phase.c.any() or phase.c_0 < 0 or phase.cost >= 0 for phase in linear.phases)
     )
     if growing and lowered:
         return -np.inf, np.inf, False
@@ -281,7 +284,8 @@ def _claim(
 def _largest_cost(linear: LinearProblem) -> float:
     """What the inputs within their bounds cost at most; infinite where nothing bounds them, or
     where states cost something."""
-    of_states = linear.soft.any() or any(phase.cost >= 0 for phase in linear.phases)
+    of_end = linear.soft.any() or len(linear.goal_cost.b)
+    of_states = of_end or any(phase.cost >= 0 for phase in linear.phases)
     most = np.inf if of_states else 0.0
     for phase in linear.phases:
         reach = np.maximum(np.abs(phase.lower), np.abs(phase.upper))

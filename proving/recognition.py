@@ -88,14 +88,17 @@ def _culprit(function: Callable[[Array], Array], names: Sequence[str], sizes: Ar
 def check_linear(problem: Problem, sizes: Array) -> None:
     """Refuse a model whose equations of motion are not linear, by the first reason there is;
     ``sizes`` are typical of positions, shape (nq,)."""
-    model, kernels = problem.model, problem.kernels
-    n, names = problem.nq, list(kernels.coordinates)
-    rates = [velocity_name(q) for q in names]
+    model, names = problem.model, list(problem.kernels.coordinates)
     constant(lambda q: model.mass(q).reshape(len(q), -1), names, "mass matrix", sizes)
-    every, width = [*names, *rates, *kernels.inputs], np.concatenate([sizes, sizes])
-    width = np.concatenate([width, np.ones(problem.nu)])
+    force_of(problem, sizes)
+
+
+def force_of(problem: Problem, sizes: Array) -> Affine:
+    """The forces F of M a = F as function of (q, v, u)."""
+    n, kernels = problem.nq, problem.kernels
+    names = [*kernels.coordinates, *map(velocity_name, kernels.coordinates), *kernels.inputs]
 
     def forces(x: Array) -> Array:
-        return model.equations(x[:, :n], x[:, n : 2 * n], x[:, 2 * n :])[1]
+        return problem.model.equations(x[:, :n], x[:, n : 2 * n], x[:, 2 * n :])[1]
 
-    affine(forces, every, "force", width)
+    return affine(forces, names, "force", np.concatenate([sizes, sizes, np.ones(problem.nu)]))

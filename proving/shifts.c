@@ -20,6 +20,7 @@ void shifts_over(const Shifts *s, interval centre, interval range, line *values)
         switch (op[0]) {
         case SUM: *to = line_add(a, done[op[2]]); break;
         case PRODUCT: *to = line_mul(a, done[op[2]]); break;
+        case POWER: *to = line_function(a, of_power(a.v0, done[op[2]].v), of_power(a.v, done[op[2]].v)); break;
         case NEGATIVE: *to = line_scaled(a, -1); break;
         case SQUARE: *to = line_sqr(a); break;
         case INVERSE: *to = line_inverse(a); break;

@@ -86,9 +86,10 @@ def places_of(scheme: Discretisation, form: InputForm) -> Iterator[Place]:
 
 @record(frozen=True, eq=False)
 class Squares:
-    """The squares of a step in a mode: weights of w^2/2, rows w of (q_k, h p_k, a, u, w, 1), shape
-    (k, 3, 2 r + na + nb + k + 1), that are to vanish; a row of (q_k, h p_k, a, u, 1) that is added
-    to the cost, shape (3, 2 r + na + nb + 1); and what is the same whatever the motion is."""
+    """The squares of a step in a mode: weights of w^2/2, rows w of (q_k, h p_k, a, u, w, s, 1),
+    shape (k, 3, 2 r + na + nb + k + ns + 1), that are to vanish; a row of (q_k, h p_k, a, u, s, 1)
+    that is added to the cost, shape (3, 2 r + na + nb + ns + 1); and what is the same whatever the
+    motion is."""
 
     weights: Array
     rows: Array
@@ -116,12 +117,6 @@ def cost_of_end(problem: Problem, sizes: Array, seconds: float) -> StateCost:
         return np.asarray(model.terminal_cost(q, v, np.repeat(time, len(q), axis=0))).reshape(-1)
 
     squares = squares_in(cost, "cost of the end", problem, np.append(size, np.ones(problem.nu)))
-    if squares.slope.any():
-        name = names_of_state(problem)[int(np.argmax(np.abs(squares.slope) * size))]
-        raise ProblemError(
-            f"the cost of the end is linear in {name}: proofs cover costs of the end that are "
-            "squares, such as (x - 1)**2."
-        )
     x = np.random.default_rng(0).uniform(-1, 1, (TRIALS, 2 * n)) * size
     q, v, u = x[:, :n], x[:, n:], np.zeros((TRIALS, problem.nu))
     if (cost(q, v, u) != cost(q, v, u, first)).any():
@@ -134,25 +129,12 @@ def cost_of_end(problem: Problem, sizes: Array, seconds: float) -> StateCost:
             "the cost of the end is no quadratic function of positions and velocities: proofs need "
             "one."
         )
-    if squares.rest < -SAME_VALUE * np.abs(expected).max():
-        raise ProblemError(
-            f"the cost of the end is {squares.rest:.6g} at least: proofs need one that is not "
-            f"negative; add {-squares.rest:.6g}."
-        )
-    rest = np.sqrt(2 * max(squares.rest, 0.0))
-    if rest == 0:
-        return squares
-    more = _nothing(problem, rest)
-    E, F = np.vstack([squares.E, more.E]), np.vstack([squares.F, more.F])
-    return StateCost(E, F, np.append(squares.e, more.e), squares.slope, 0.0)
+    return squares
 
 
-def _nothing(problem: Problem, *constants: float) -> StateCost:
-    """Squares of constants."""
-    n, m = problem.nq, len(constants)
-    return StateCost(
-        np.zeros((m, 2 * n)), np.zeros((m, problem.nu)), np.array(constants), np.zeros(2 * n), 0.0
-    )
+def _nothing(problem: Problem) -> StateCost:
+    n, nu = 2 * problem.nq, problem.nu
+    return StateCost(np.zeros((0, n)), np.zeros((0, nu)), np.zeros(0), np.zeros(n), 0.0)
 
 
 def names_of_state(problem: Problem) -> list[str]:
@@ -219,13 +201,18 @@ def squares_of(cost: StateCost, frame: Frame, scheme: Discretisation, form: Inpu
     nb = nu * (2 if form.width else 1)
     weights, rows, rest = list[float](), list[Array](), cost.rest
     places = [*range(r), *range(2 * r, 2 * r + d * r)]
-    linear = np.zeros((3, 2 * r + d * r + nb + 1))
+    ns = (d + 1) * len(frame.drives)
+    own = slice(2 * r + d * r, 2 * r + d * r + nb)
+    linear = np.zeros((3, own.stop + ns + 1))
 
     def row_of(by: Array, place: Place) -> Array:
         """A function (q, v) times the size of the step."""
         row = 0 * linear
         row[0, places] = np.kron(place.slopes, by[n:] @ frame.Z)
         row[1, places] = np.kron(place.values, by[:n] @ frame.Z)
+        driven = frame.moved[:, frame.drives]
+        row[0, own.stop : -1] = np.kron(place.slopes, by[n:] @ driven)
+        row[1, own.stop : -1] = np.kron(place.values, by[:n] @ driven)
         row[1, -1] = by[:n] @ frame.origin
         return row
 
@@ -233,7 +220,7 @@ def squares_of(cost: StateCost, frame: Frame, scheme: Discretisation, form: Inpu
         linear += place.weight * row_of(cost.slope, place)
         for by, by_inputs, e in zip(cost.E, cost.F, cost.e, strict=True):
             row = row_of(by, place)
-            row[1, -nb - 1 : -1] = by_inputs @ place.of_inputs(nu)
+            row[1, own] = by_inputs @ place.of_inputs(nu)
             row[1, -1] += e
             size = max(np.abs(by).max(), np.abs(by_inputs).max(initial=0.0))
             if np.abs(row[:, :-1]).max(initial=0.0) > NOTHING * size:
@@ -242,10 +229,8 @@ def squares_of(cost: StateCost, frame: Frame, scheme: Discretisation, form: Inpu
             else:
                 rest += place.weight * row[1, -1] ** 2 / 2
     k = len(rows)
-    wide = np.zeros((k, 3, linear.shape[1] + k))
-    for i, row in enumerate(rows):
-        wide[i, :, : -k - 1], wide[i, :, -1] = row[:, :-1], row[:, -1]
-        wide[i, 1, i - k - 1] = -1.0
+    wide = np.insert(np.array(rows).reshape(k, *linear.shape), [own.stop] * k, 0.0, axis=2)
+    wide[range(k), 1, range(own.stop, own.stop + k)] = -1.0
     return Squares(np.array(weights), wide, linear, rest)
 
 
@@ -253,7 +238,8 @@ def with_squares(phase: LinearPhase, squares: Squares, heavy: float) -> LinearPh
     """A phase with squares of its states, which cost something of a size, as inputs behind its
     own."""
     k, first, steps = len(squares.weights), len(phase.S), phase.steps
-    own, none = phase.S.shape[2] - 1, np.zeros(k)
+    none, behind = np.zeros(k), 1 + len(phase.places) * len(phase.drives)
+    own = phase.S.shape[2] - behind
 
     def wide(rows: Array, columns: int) -> Array:
         return np.insert(rows, [columns] * k, 0.0, axis=2)
@@ -261,7 +247,7 @@ def with_squares(phase: LinearPhase, squares: Squares, heavy: float) -> LinearPh
     linear = squares.linear[None] if squares.linear.any() else squares.linear[None][:0]
     definitions = [(first + i, -1, 0, steps - 1, 1) for i in range(k)]
     return replace(
-        phase, P=wide(phase.P, phase.P.shape[2] - 1),
+        phase, P=wide(phase.P, phase.P.shape[2] - behind),
         R=block_diag(phase.R, np.diag(squares.weights)),
         c=np.append(phase.c, none), c_0=phase.c_0 + squares.rest,
         lower=np.append(phase.lower, none - np.inf), upper=np.append(phase.upper, none + np.inf),

@@ -17,7 +17,6 @@ from dmoc.base.discretisation import DISCRETISATIONS
 from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.mechanics.contacts import RAIL
-from dmoc.program.liftoffs import liftoffs_of
 from dmoc.proving.linear import IN_EACH, IN_SUM
 from dmoc.proving.linear_model import Frame, LinearModel
 from dmoc.proving.shared_forces import forces_of, told_of
@@ -28,7 +27,7 @@ NOTHING = 1e-12
 
 @record(frozen=True, eq=False)
 class Momenta:
-    """Rows of a step, times its size, shape (3, nq, 2 r + na + nb + 1): what the pushes at its
+    """Rows of a step, times its size, shape (3, nq, 2 r + na + nb + ns + 1): what the pushes at its
     start and at its end have to make up for, and at each node inside."""
 
     first: Array
@@ -42,10 +41,10 @@ class StepConditions:
 
     def __init__(self, model: LinearModel, i: int, frame: Frame, P: Array) -> None:
         """``P`` are the rows of the steps of phase i in the model's momenta, shape (3, d + 1, nq, r
-        + na + nb + 1)."""
+        + na + nb + ns + 1)."""
         self.model, self.frame, p = model, frame, model.problem
         self.mode, self.steps, self.scheme = p.touch.modes[i], p.phase_steps[i], p.scheme
-        self.leaving = {j for one in liftoffs_of(p) if one.event == i for j in one.surfaces}
+        self.leaving = {j for one in model.liftoffs if one.event == i for j in one.surfaces}
         self.width = frame.size + P.shape[3]
         self._rows, self._conditions = list[Array](), list[tuple[int, ...]]()
         if not self.steps:
@@ -65,7 +64,7 @@ class StepConditions:
         return np.array(self._conditions, dtype=float).reshape(-1, 5)
 
     def _wide(self, rows: Array) -> Array:
-        """Rows of (q_k, a, u, 1) as those of (q_k, h p_k, a, u, 1)."""
+        """Rows of (q_k, a, u, s, 1) as those of (q_k, h p_k, a, u, s, 1)."""
         return np.insert(rows, [self.frame.size] * self.frame.size, 0.0, axis=-1)
 
     def _add(
@@ -87,19 +86,33 @@ class StepConditions:
         inside."""
         Z, r = self.frame.Z, self.frame.size
         end = 2 * r + (self.scheme.degree - 1) * r
-        for _, tangent in self.model.ways(self.mode):
-            way = np.zeros((3, self.width))
+        for k, s in self.mode.sliding:
+            tangent, own = s * self.model.tangent(k), s * self.model.movers.of_tangent(k)
+            way, moved = np.zeros((3, self.width)), own[0] + tangent @ self.frame.moved
             way[0, :r], way[0, end : end + r] = tangent @ Z, -tangent @ Z
+            way[0, self._driven] = np.kron([1, *[0] * self.scheme.inside, -1], self._drive(moved))
             self._add(0, self.steps - 1, way)
-            self._add_between(-tangent, 0.0)
+            self._add_between(-tangent, 0.0, -own[1])
 
-    def _add_between(self, along: Array, most: float) -> None:
-        """What a velocity is at most, by the momentum between steps that have nodes inside."""
+    @property
+    def _driven(self) -> slice:
+        """Columns of the shifts at the nodes of a step."""
+        return slice(-1 - (self.scheme.degree + 1) * len(self.frame.drives), -1)
+
+    def _drive(self, moved: Array) -> Array:
+        """Functions of the shifts, shape (..., shifts), as those of what drives the phase."""
+        return moved[..., self.frame.drives]
+
+    def _add_between(self, along: Array, most: float, moved: Array | float = 0.0) -> None:
+        """What a velocity and what shifts add to it are at most, by the momentum between steps that
+        have nodes inside."""
         if self.scheme.inside:
             r, row = self.frame.size, np.zeros((3, self.width))
-            V, v_0 = self.model.velocity(self.frame)
-            row[0, r : 2 * r] = along @ V[:, r:]
-            row[1, :r], row[1, -1] = along @ V[:, :r], along @ v_0 - most
+            speed = self.model.velocity(self.frame)
+            row[0, r : 2 * r] = along @ speed.A[:, r:]
+            row[1, :r], row[1, -1] = along @ speed.A[:, :r], along @ speed.b - most
+            at_start = np.eye(self.scheme.degree + 1)[0]
+            row[1, self._driven] = np.kron(at_start, self._drive(moved + along @ speed.shifted))
             self._add(1, self.steps - 1, row)
 
     def _add_speeds(self, bounds: Array) -> None:
@@ -107,16 +120,23 @@ class StepConditions:
         r, scheme = self.frame.size, self.scheme
         order = [0, *range(2, scheme.degree + 1), 1]
         for j, sign, most in sides(bounds):
-            if np.abs(self.frame.Z[j]).max(initial=0.0) <= NOTHING:
+            if not self._moves(j):
                 continue  # it stays where it is
             for first, last, place in self._places():
                 row = np.zeros((3, self.width))
-                slopes = np.kron(sign * scheme.slopes(np.array([place]))[0, order], self.frame.Z[j])
+                by_node = sign * scheme.slopes(np.array([place]))[0, order]
+                slopes = np.kron(by_node, self.frame.Z[j])
                 row[0, :r], row[0, 2 * r : r + len(slopes)] = slopes[:r], slopes[r:]
+                row[0, self._driven] = np.kron(by_node, self._drive(self.frame.moved[j]))
                 row[1, -1] = -most
                 self._add(first, last, row)
             if not self.mode.free:
                 self._add_between(sign * np.eye(len(bounds))[j], most)
+
+    def _moves(self, j: int) -> bool:
+        """Whether a coordinate may change."""
+        both = np.append(self.frame.Z[j], self.frame.moved[j])
+        return bool(np.abs(both).max(initial=0.0) > NOTHING)
 
     def _add_ways(self, bounds: Array) -> None:
         """How far a phase goes at most at these velocities. That follows from those of its steps,
@@ -124,9 +144,10 @@ class StepConditions:
         r, Z = self.frame.size, self.frame.Z
         end = 2 * r + (self.scheme.degree - 1) * r
         for j, sign, most in sides(bounds):
-            if self.steps > 1 and np.abs(Z[j]).max(initial=0.0) > NOTHING and self._follow:
-                row = np.zeros((3, self.width))
+            if self.steps > 1 and self._moves(j) and self._follow:
+                row, own = np.zeros((3, self.width)), self._drive(sign * self.frame.moved[j])
                 row[0, :r], row[0, end : end + r] = -sign * Z[j], sign * Z[j]
+                row[0, self._driven] = np.kron([-1, *[0] * self.scheme.inside, 1], own)
                 row[1, -1] = -most
                 self._add(0, self.steps - 1, row, kind=IN_SUM)
 
@@ -208,10 +229,11 @@ def sides(bounds: Array) -> Iterator[tuple[int, float, float]]:
 def _momenta(model: LinearModel, frame: Frame, P: Array, wide: Callable[[Array], Array]) -> Momenta:
     """What is missing to the momenta of the states at both ends of a step, and inside it."""
     n, r = model.problem.nq, frame.size
-    V, v_0 = model.velocity(frame)
-    G, p_0 = model.momentum.A[:, :n], model.momentum.b
+    speed = model.velocity(frame)
+    G, p_0, V = model.momentum.A[:, :n], model.momentum.b, speed.A
     by_place, by_momentum = model.M @ V[:, :r] + G @ frame.Z, model.M @ V[:, r:]
-    rest = model.M @ v_0 + G @ frame.origin + p_0
+    rest = model.M @ speed.b + G @ frame.origin + p_0
+    by_shift = (model.M @ speed.shifted + G @ frame.moved)[:, frame.drives]
     *inside, first, last = np.moveaxis(wide(P), 1, 0)
     first, last = first.copy(), last.copy()
     # h p of the state before a step and of the one after it, whose h p_y is left h r_plus
@@ -222,4 +244,7 @@ def _momenta(model: LinearModel, frame: Frame, P: Array, wide: Callable[[Array],
     last[1, :, end : end + r] -= by_place
     first[1, :, -1] += rest
     last[1, :, -1] -= rest
+    given, nodes = len(frame.drives), P.shape[1]
+    first[1, :, -1 - given * nodes : -1 - given * (nodes - 1)] += by_shift
+    last[1, :, -1 - given : -1] -= by_shift
     return Momenta(first, last, tuple(inside))

@@ -19,14 +19,14 @@ static line polynomial(const double *at, int apart, line h, line h2)
 /* P_0 + h P_1 + h^2 P_2 at one place. */
 static line power(const Phase *p, line h, line h2, int row, int column)
 {
-    const int columns = p->r + p->na + p->nb + 1;
+    const int columns = columns_of(p) + p->na - p->r;
     return polynomial(p->P + row * columns + column, (p->na + p->r) * columns, h, h2);
 }
 
-/* Rows S as functions of (y, h p, u, 1), from the nodes (na, 2 r + nb + 1) as such functions. */
+/* Rows S as functions of (y, h p, u, s, 1), from the nodes (na, columns) as such functions. */
 static void step_rows(const Phase *p, line h, line h2, const line *nodes, line *rows)
 {
-    const int s = 2 * p->r, m = s + p->nb + 1, columns = m + p->na;
+    const int s = 2 * p->r, m = columns_of(p), columns = m + p->na;
     for (int i = 0; i < p->rows; i++)
         for (int j = 0; j < m; j++) {
             const double *at = p->S + 3 * i * columns;
@@ -40,12 +40,12 @@ static void step_rows(const Phase *p, line h, line h2, const line *nodes, line *
         }
 }
 
-/* The state (y, h p) after a step and the places inside it as functions of (y, h p, u, 1) before. */
+/* The state (y, h p) after a step and the places inside it as functions of (y, h p, u, s, 1) before. */
 int step_map(const Phase *p, line h, line *map, line *inner, line *rows)
 {
-    const int r = p->r, na = p->na, nb = p->nb, m = 2 * r + nb + 1;
+    const int r = p->r, na = p->na, m = columns_of(p);
     const line h2 = line_mul(h, h);
-    line A[MOST_NODES * MOST_NODES], B[MOST_NODES * (MOST_STATE + MOST_INPUTS + 1)];
+    line A[MOST_NODES * MOST_NODES], B[MOST_NODES * (MOST_STATE + MOST_INPUTS + MOST_MOVED + 1)];
     for (int i = 0; i < na; i++) {
         for (int j = 0; j < na; j++)
             A[i * na + j] = power(p, h, h2, i, r + j);
@@ -53,8 +53,8 @@ int step_map(const Phase *p, line h, line *map, line *inner, line *rows)
             B[i * m + j] = line_scaled(power(p, h, h2, i, j), -1);
             B[i * m + r + j] = line_of(i == na - r + j ? -1 : 0);
         }
-        for (int j = 0; j < nb + 1; j++)
-            B[i * m + 2 * r + j] = line_scaled(power(p, h, h2, i, r + na + j), -1);
+        for (int j = 2 * r; j < m; j++)
+            B[i * m + j] = line_scaled(power(p, h, h2, i, na + j - r), -1);
     }
     if (solve_lines(na, m, A, B))
         return 1;

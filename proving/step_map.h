@@ -5,7 +5,7 @@
 #include "linear_program.h"
 
 /* The state (y, h p) after a step of the size h, the places inside it and its rows S as functions of
- * (y, h p, u, 1) before, shapes (2 r, 2 r + nb + 1), (na - r, ...) and (rows, ...); 0, or 1 where its
+ * (y, h p, u, s, 1) before, shapes (2 r, columns), (na - r, columns) and (rows, columns); 0, or 1 where its
  * equations cannot be solved. */
 int step_map(const Phase *p, line h, line *map, line *inner, line *rows);
 

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dmoc.base.errors import ProblemError
+from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
 from dmoc.proving.balls import rounding_of
 from dmoc.proving.branch import LIMITS_OF_SHIFTS, OPERATIONS, enclosed
@@ -162,8 +163,10 @@ class TermFunctions:
 
     @classmethod
     def power(cls, base: Operand, exponent: Operand) -> Term:
-        if isinstance(exponent, Term) or exponent != int(exponent):
+        if isinstance(exponent, Term):
             return cls.exp(cls.log(Term.of(base)) * exponent)
+        if exponent != int(exponent):
+            return Term("power", Term.of(base), Term.of(exponent))
         power, n = Term.of(1.0), int(abs(exponent))
         for digit in f"{n:b}":
             power = power * power
@@ -182,31 +185,73 @@ class Numbers(list[Term]):
         super().__setitem__(at[1], Term.of(value))
 
 
-def terms_of(problem: Problem) -> list[tuple[Term, Term]]:
-    """What the gap to each surface, and the rate of that, are where nothing else moves."""
-    n, c, model = problem.nq, problem.model.nc, problem.model
-    text = kernels_over(problem.kernels, TermFunctions(), ("surface", "gap_rate"))
-    places, rates = (Numbers([constant(0.0, 0.0)] * c) for _ in range(2))
-    still = Numbers([constant(0.0, 0.0)] * n)
+def terms_of(problem: Problem) -> tuple[list[tuple[Term, Term]], list[tuple[Term, Term]]]:
+    """What the gap to each surface and its rate are where nothing else moves, and the same of
+    tangents."""
+    model, found = problem.model, list[list[tuple[Term, Term]]]()
+    kernels = ("surface", "gap_rate", model.nc), ("tangent", "slide_rate", model.nt)
+    names = [name for *both, _ in kernels for name in both]
+    text = kernels_over(problem.kernels, TermFunctions(), names)
+    still = Numbers([constant(0.0, 0.0)] * problem.nq)
     time, par = Numbers([Term("time")]), Numbers([constant(x, x) for x in model.par[0].tolist()])
-    text.surface(still, time, par, places)
-    text.gap_rate(still, still, time, par, rates)
-    return list(zip(list.__iter__(places), list.__iter__(rates), strict=True))
+    for of_place, of_rate, count in kernels:
+        places, rates = (Numbers([constant(0.0, 0.0)] * count) for _ in range(2))
+        if count:
+            getattr(text, of_place)(still, time, par, places)
+            getattr(text, of_rate)(still, still, time, par, rates)
+        found.append(list(zip(list.__iter__(places), list.__iter__(rates), strict=True)))
+    return found[0], found[1]
+
+
+def _in_order(terms: Sequence[Term]) -> list[Term]:
+    """All terms that some are made of, each behind its arguments."""
+    ordered, left = dict[int, Term](), list(terms)
+    while left:
+        new = [a for a in left[-1].arguments if id(a) not in ordered]
+        left += new
+        if not new:
+            term = left.pop()
+            ordered[id(term)] = term
+    return list(ordered.values())
+
+
+def rates_of(terms: Sequence[Term]) -> list[Term]:
+    """The derivatives of some terms by the time."""
+    rates, F = dict[int, Term](), TermFunctions
+    slopes: dict[str, Callable[..., Operand]] = {
+        "negative": lambda _, a: -1.0,
+        "square": lambda _, a: 2.0 * a,
+        "inverse": lambda f, a: -(f * f),
+        "root": lambda f, a: 0.5 / f,
+        "sine": lambda _, a: F.cos(a),
+        "cosine": lambda _, a: -F.sin(a),
+        "exponential": lambda f, a: f,
+        "logarithm": lambda _, a: 1.0 / a,
+        "arctangent": lambda _, a: 1.0 / (1.0 + a * a),
+        "power": lambda _, a, p: p * Term("power", a, p - 1.0),
+    }
+    for term in _in_order(terms):
+        inner, own = term.arguments, [rates[id(a)] for a in term.arguments]
+        match term.code:
+            case "time":
+                rate = Term.of(1.0)
+            case "sum":
+                rate = own[0] + own[1]
+            case "product":
+                rate = own[0] * inner[1] + inner[0] * own[1]
+            case "constant":
+                rate = Term.of(0.0)
+            case code:
+                rate = slopes[code](term, *inner) * own[0]
+        rates[id(term)] = rate
+    return [rates[id(term)] for term in terms]
 
 
 def shifts_of(terms: Sequence[Term]) -> Shifts | None:
     """Some terms as operations; None where one of them is none on intervals."""
     numbers, rows, bounds = dict[int, int](), list[tuple[int, int, int]](), list[Any]()
     alike = dict[tuple[Any, ...], int]()
-
-    left = list(terms)
-    while left:
-        term = left[-1]
-        new = [a for a in term.arguments if id(a) not in numbers]
-        if new:
-            left += new
-            continue
-        left.pop()
+    for term in _in_order(terms):
         if term.code not in OPERATIONS:
             return None
         first, second = (*(numbers[id(a)] for a in term.arguments), 0, 0)[:2]
@@ -222,24 +267,38 @@ def shifts_of(terms: Sequence[Term]) -> Shifts | None:
 
 
 def check_bounded(shifts: Shifts | None, name: str, latest: float) -> None:
-    """Refuse a surface whose shifts are no operations on intervals, or have no bounds."""
+    """Refuse what moves, with shifts that are its place and its speed, if they are no operations on
+    intervals, or have no bounds.  Those of the first part of the time may be missing but for the
+    place: derivatives of t**(3/2) have none at zero, where nothing is hit."""
     if shifts is None:
         raise ProblemError(
             f"the gap to {name} changes with the time by a function that proofs have no bounds of, "
             "such as Abs, Piecewise or atan2: they cover sums, products, quotients, powers, "
             "exponential, trigonometric and hyperbolic functions and their inverses."
         )
+    check_size(shifts, name)
+    times = np.linspace(0, latest, PARTS + 1).tolist()
+    for low, high in pairwise(times):
+        bounds = enclosed(shifts, low, high)
+        if not np.isfinite(bounds if low > 0 else bounds[0, 3]).all():
+            raise ProblemError(
+                f"the motion of {name} has no bounds from {low:.4g} to {high:.4g} s: proofs need "
+                "intervals that contain its place and three derivatives by the time, until the "
+                "latest final time."
+            )
+
+
+def check_size(shifts: Shifts, name: str) -> None:
+    """Refuse what takes more operations or shifts than there is room for."""
     most, operations = LIMITS_OF_SHIFTS
     if len(shifts.operations) > operations or len(shifts.results) > most:
         raise ProblemError(
             f"the motion of {name} takes {len(shifts.operations)} operations: proofs take at most "
             f"{operations} of all surfaces that move, and {most // 2} such surfaces."
         )
-    times = np.linspace(0, latest, PARTS + 1).tolist()
-    for low, high in pairwise(times):
-        if not np.isfinite(enclosed(shifts, low, high)).all():
-            raise ProblemError(
-                f"the motion of {name} has no bounds from {low:.4g} to {high:.4g} s: proofs need "
-                "intervals that contain its place and three derivatives by the time, until the "
-                "latest final time."
-            )
+
+
+def values_of(shifts: Shifts, time: float) -> Array:
+    """The shifts at a time, shape (shifts,)."""
+    with np.errstate(invalid="ignore"):  # a speed may have no bounds at the start
+        return np.asarray(enclosed(shifts, time, time)[:, 0].mean(axis=1))

@@ -1,5 +1,6 @@
 /* Branch and bound over boxes of durations, those with the least bounds first. */
 #include "tree.h"
+#include "times.h"
 
 #include <pthread.h>
 #include <stdlib.h>
@@ -76,6 +77,8 @@ static int worst(const Problem *p, const double *low, const double *high, const 
 static double cost_of_time(const Problem *p, const double *low)
 {
     interval sum = {0, 0};
+    if (p->goal_cost.rows)
+        return -INFINITY;
     for (int i = 0; i < p->phases; i++) {
         const Phase *ph = p->phase + i;
         for (int j = 0; j < ph->nb; j++)
@@ -225,7 +228,7 @@ static void add(Tree *t, double *box)
 {
     const int n = t->problem->phases;
     grid_contract(&t->grid, t->problem, box + 1, box + 1 + n);
-    if (box_has_time(t->problem, box + 1, box + 1 + n)) {
+    if (times_contract(t->problem, box + 1, box + 1 + n) && box_has_time(t->problem, box + 1, box + 1 + n)) {
         memmove(t->batch + t->taken++ * t->width, box, t->width * sizeof(double));
     } else {
         box[0] = INFINITY;

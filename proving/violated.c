@@ -4,17 +4,19 @@
 #include "centre.h"
 #include "costates.h"
 
-/* Rows (rows, 2 r + nb + 1) of a state (y, h p), inputs and 1, at the centre. */
+/* Rows (rows, columns) of a state (y, h p), inputs, shifts at nodes and 1, at the centre. */
 static void linear(int rows, const Phase *p, const line *map, const double *state, const double *u,
-                   double *to)
+                   const double *moved, double *to)
 {
-    const int s = 2 * p->r, m = s + p->nb + 1;
+    const int s = 2 * p->r, m = columns_of(p);
     for (int z = 0; z < rows; z++, map += m) {
         to[z] = interval_mid(map[m - 1].v0);
         for (int j = 0; j < s; j++)
             to[z] += interval_mid(map[j].v0) * state[j];
         for (int j = 0; j < p->nb; j++)
             to[z] += interval_mid(map[s + j].v0) * u[j];
+        for (int j = 0; j < moved_in_step(p); j++)
+            to[z] += interval_mid(map[s + p->nb + j].v0) * moved[j];
     }
 }
 
@@ -30,16 +32,18 @@ static int is_priced(Priced at, int count, const Priced *priced)
 
 /* See which of the conditions of a phase, at a place of a step, places y violate most, where shifts
  * are what they are at that time. */
-static void compare(const Phase *p, Priced at, int step, const double *y, const double *shift, int count,
-                    const Priced *priced, double *most, Priced *worst)
+static void compare(const Phase *p, int shifts, Priced at, int step, const double *y,
+                    const double *shift, int count, const Priced *priced, double *most, Priced *worst)
 {
     for (at.path = 0; at.path < p->paths; at.path++) {
-        const int moved = shift_of(p, &at);
-        if (moved >= 0 && at.inside >= 0)
-            continue; /* the program keeps what moves away from the ends of steps alone */
-        double excess = (moved < 0 ? 0 : shift[moved]) - p->most[at.path], size = fabs(excess);
-        if (step < p->since[at.path])
+        const double *moves = moves_of(p, shifts, &at);
+        double excess = -p->most[at.path], size = fabs(excess);
+        if (step < p->since[at.path] || (at.inside >= 0 && !p->within[at.path]))
             continue;
+        for (int j = 0; j < shifts; j++) {
+            excess += moves[j] * shift[j];
+            size += fabs(moves[j] * shift[j]);
+        }
         for (int z = 0; z < p->r; z++) {
             excess += p->path[at.path * p->r + z] * y[z];
             size += fabs(p->path[at.path * p->r + z] * y[z]);
@@ -55,11 +59,11 @@ static void compare(const Phase *p, Priced at, int step, const double *y, const 
  * first rows made of the step before, and gets that of this one, and ``sums`` what all rows made of
  * the steps of the phase. */
 static void compare_rows(const Phase *p, int phase, int k, const line *rows, const double *state,
-                         const double *u, int count, const Priced *priced, double *before,
-                         double *sums, double *most, Priced *worst)
+                         const double *u, const double *moved, int count, const Priced *priced,
+                         double *before, double *sums, double *most, Priced *worst)
 {
     double now[MOST_STEP_ROWS];
-    linear(p->rows, p, rows, state, u, now);
+    linear(p->rows, p, rows, state, u, moved, now);
     for (int i = 0; i < p->rows; i++)
         sums[i] = (k ? sums[i] : 0) + now[i];
     for (int i = 0; i < p->conditions; i++) {
@@ -103,26 +107,28 @@ int centre_violated(const Problem *p, const Steps *const *steps, const Centre *c
             state[z] += share[k] * p->spread[k * size + z];
     for (int i = 0; i < p->phases; i++) {
         const Phase *ph = p->phase + i;
-        const int r = ph->r, s = 2 * r, m = s + ph->nb + 1;
+        const int r = ph->r, s = 2 * r, m = columns_of(ph), shifts = p->shifts.shifts;
+        const double *moved = c->at.moved + moved_before(p, i);
         const double h = interval_mid(steps[i]->h.v0);
         for (int z = r; z < s; z++)
             state[z] *= h;
-        const int inside = r ? ph->na / r - 1 : 0; /* a contact may leave nothing to move */
         for (int k = 0; k <= ph->steps; k++) {
             if (k) {
                 shifts_at(p, time + h * k, shift, rate);
-                compare(ph, (Priced){i, k, AT_NODE, 0}, k - 1, state, shift, count, priced, &most, worst);
+                compare(ph, shifts, (Priced){i, k, AT_NODE, 0}, k - 1, state, shift, count, priced, &most, worst);
             }
             if (k == ph->steps)
                 break;
-            for (int j = 0; j < inside; j++) {
-                linear(r, ph, steps[i]->inner + j * r * m, state, u, inner);
-                compare(ph, (Priced){i, k, j, 0}, k, inner, shift, count, priced, &most, worst);
+            for (int j = 0; j < ph->nodes - 2; j++) {
+                shifts_at(p, time + h * (k + ph->place[1 + j]), shift, rate);
+                linear(r, ph, steps[i]->inner + j * r * m, state, u, moved, inner);
+                compare(ph, shifts, (Priced){i, k, j, 0}, k, inner, shift, count, priced, &most, worst);
             }
-            compare_rows(ph, i, k, steps[i]->rows, state, u, count, priced, rows, sums, &most, worst);
-            linear(s, ph, steps[i]->map, state, u, next);
+            compare_rows(ph, i, k, steps[i]->rows, state, u, moved, count, priced, rows, sums, &most, worst);
+            linear(s, ph, steps[i]->map, state, u, moved, next);
             memcpy(state, next, sizeof state);
             u += ph->nb;
+            moved += (ph->nodes - 1) * ph->given;
         }
         for (int z = r; z < s; z++)
             state[z] /= h;

@@ -12,7 +12,7 @@ import pytest
 
 from dmoc.codegen.kernels import Array
 from dmoc.proving.branch import OPERATIONS, enclosed
-from dmoc.proving.surface_shifts import Term, TermFunctions, shifts_of
+from dmoc.proving.surface_shifts import Term, TermFunctions, rates_of, shifts_of
 
 F = TermFunctions()
 # Each in terms and in numbers of mpmath, and times at which it has three derivatives.
@@ -36,7 +36,8 @@ FUNCTIONS: dict[str, tuple[Callable[[Any], Any], Callable[[Any], Any], float, fl
     "arccosh": (F.arccosh, mp.acosh, 1.01, 9),
     "arctanh": (F.arctanh, mp.atanh, -0.99, 0.99),
     "power": (lambda t: F.power(t, -3), lambda t: t**-3, 0.1, 2),
-    "root of a power": (lambda t: F.power(t, 2.5), lambda t: t ** mp.mpf(2.5), 0.1, 2),
+    "broken power": (lambda t: F.power(t, 2.5), lambda t: t ** mp.mpf(2.5), 0.1, 2),
+    "falling power": (lambda t: F.power(t, -0.3), lambda t: t ** mp.mpf("-0.3"), 0.1, 2),
 }
 
 
@@ -85,6 +86,27 @@ def test_waves_reach_their_ends() -> None:
 def test_what_has_no_bounds_has_infinite_ones() -> None:
     for function in (lambda t: 1.0 / t, F.log, lambda t: F.exp(t * 9999.0), F.sqrt):
         assert not np.isfinite(bounds_of(function, -1, 2)).all()
+
+
+@pytest.mark.parametrize(("exponent", "orders"), [(0.3, 1), (1.5, 2), (3.5, 4)])
+def test_broken_powers_have_bounds_from_zero_on(exponent: float, orders: int) -> None:
+    """As many derivatives as the exponent has."""
+    bounds = bounds_of(lambda t: F.power(0.3 * t, exponent), 0.0, 1.0)[3:]
+    assert np.isfinite(bounds[:orders]).all() and not np.isfinite(bounds[orders:]).any()
+    np.testing.assert_allclose(bounds[0], [0, 0.3**exponent], atol=1e-12)
+    below = bounds_of(lambda t: F.power(t, exponent), -0.1, 1.0)[3]
+    assert below.tolist() == [-np.inf, np.inf]
+
+
+def test_rates_of_terms_are_their_derivatives() -> None:
+    time = Term("time")
+    for name, (ours, _, first, last) in FUNCTIONS.items():
+        both = [Term.of(ours(time))]
+        shifts = shifts_of([*both, *rates_of(both)])
+        assert shifts is not None
+        for at in np.random.default_rng(0).uniform(max(first, -5), min(last, 5), 3):
+            of, rate = enclosed(shifts, at, at).mean(axis=2)
+            np.testing.assert_allclose(rate[:2], of[1:3], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
 def test_constants_of_the_text_count_as_rounded() -> None:
