@@ -8,9 +8,9 @@ velocities and times, of what sticks also where the other conditions hold.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from dmoc.program.layout import Layout
 # So many states say whether a row holds for all.
 SAMPLES = 4
 Values = tuple[Array, Array]  # with their sizes
+T = TypeVar("T")
 NO_INDEX: Index = np.zeros(0, dtype=np.intp)
 
 
@@ -82,18 +83,29 @@ class Settled:
 
 def settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> Settled:
     """Find the rows of contacts that hold by the values that ``limits`` fix, lower and upper bounds
-    of shape (n,), whatever the design; once for each of these of a problem."""
-    low, high = limits
-    every, key = once(problem, _remembered), (lay, np.where(low == high, low, np.nan).tobytes())
-    if key not in every:
+    of shape (n,), whatever the design."""
+
+    def find() -> Settled:
         of_samples = [_settled(p, lay, limits) for p in samples(problem)]
         values = [[getattr(s, f.name) for f in fields(Settled)] for s in of_samples]
-        every[key] = Settled(*map(np.logical_and.reduce, zip(*values, strict=True)))
-    return every[key]
+        return Settled(*map(np.logical_and.reduce, zip(*values, strict=True)))
+
+    return _once(problem, limits, (settled, lay), find)
 
 
-def _remembered(problem: Problem) -> dict[Hashable, Settled]:
-    """What is found of a problem."""
+def _once(problem: Problem, limits: tuple[Array, Array], key: Hashable, find: Callable[[], T]) -> T:
+    """What is found of a problem whose ``limits`` fix some values, once for these and a key: one
+    solve makes several programs of it."""
+    (low, high), every = limits, once(problem, _nothing)
+    at = key, np.where(low == high, low, np.nan).tobytes()
+    if at not in every:
+        every[at] = find()
+    found: T = every[at]
+    return found
+
+
+def _nothing(problem: Problem) -> dict[Hashable, Any]:
+    """What is known of a problem before anything is found."""
     return {}
 
 
@@ -164,9 +176,13 @@ class JointsSettled(NamedTuple):
 def joints_settled(problem: Problem, lay: Layout, limits: tuple[Array, Array]) -> JointsSettled:
     """Find the rows of constraints that hold by the values that ``limits`` fix, lower and upper
     bounds of shape (n,), whatever the design."""
-    of_samples = [_joints_settled(p, lay, limits) for p in samples(problem)]
-    places, rates = (np.logical_and.reduce(part) for part in zip(*of_samples, strict=True))
-    return JointsSettled(places, rates, following_joints(problem))
+
+    def find() -> JointsSettled:
+        of_samples = [_joints_settled(p, lay, limits) for p in samples(problem)]
+        places, rates = (np.logical_and.reduce(part) for part in zip(*of_samples, strict=True))
+        return JointsSettled(places, rates, following_joints(problem))
+
+    return _once(problem, limits, (joints_settled, lay), find)
 
 
 def following_joints(problem: Problem) -> Bools:
@@ -221,8 +237,12 @@ def gaps_returned(
 ) -> Bools:
     """Gaps at the start and at the end, shape (2, nc), that periodic states make those of the other
     end which are ``determined``, by a contact or by fixed values, whatever the design."""
-    of_samples = [_gaps_returned(p, lay, limits, determined) for p in samples(problem)]
-    return np.asarray(np.logical_and.reduce(of_samples))
+
+    def find() -> Bools:
+        of_samples = [_gaps_returned(p, lay, limits, determined) for p in samples(problem)]
+        return np.asarray(np.logical_and.reduce(of_samples))
+
+    return _once(problem, limits, (gaps_returned, lay, determined.tobytes()), find)
 
 
 def _gaps_returned(
