@@ -101,7 +101,8 @@ def _factored(terms: Sequence[Part]) -> list[Part]:
                 heappush(heap, (-len(own), key[0], key[1]))
             continue
         g, divided = factor.graph, list[Part]()
-        power = sign * int(min(abs(dict(products[i][0].parts)[factor]) for i in own))
+        exponents = (e for i in own for n, e in products[i][0].parts if n is factor)
+        power = sign * int(min(map(abs, exponents)))
         for i in own:
             n, c = products.pop(i)
             divided.append((g.divided(n, factor, power), c))

@@ -233,6 +233,9 @@ class Graph:
                 ((inner, factor),) = node.parts
                 coefficient *= _power(factor, e)
                 waiting.append((inner, e))
+            elif node.kind == PRODUCT and e == 1:  # its parts are none of those above
+                for n, other in node.parts:
+                    merged[n] = merged.get(n, 0) + other
             elif whole and node.kind == PRODUCT:
                 waiting += [(n, other * e) for n, other in node.parts]
             else:

@@ -96,10 +96,13 @@ def _place(own: Sequence[Part], node: GraphNode) -> int:
 
 
 def _has(own: Sequence[Part], a: GraphNode, b: GraphNode, ratio: float) -> bool:
-    i = _place(own, a)
-    rest = [*own[:i], *own[i + 1 :]] if i >= 0 else []
-    j = _place(rest, b)
-    return j >= 0 and rest[j][1] / own[i][1] == ratio
+    first = second = None
+    for n, weight in own:
+        if n is a and first is None:
+            first = weight
+        elif n is b and second is None:
+            second = weight
+    return first is not None and second is not None and second / first == ratio
 
 
 def with_shared_sums(results: Sequence[GraphNode]) -> list[GraphNode]:
