@@ -163,7 +163,7 @@ def carried(name: str, cost: Any, end: Any) -> dmoc.MechanicalSystem:
         - 2 * (x - y) ** 2,
         inputs=[u, w],
         forces={x: u - x.diff(t) / 5 + y.diff(t) / 3, y: w + u / 4 - x / 3},
-        surfaces={"floor": y >= LIFT + x / 5}, tangents={"floor": x - BELT},
+        surfaces={"floor": y >= LIFT + x / 5 + sp.Rational(1, 10)}, tangents={"floor": x - BELT},
         friction={"floor": sp.Rational(1, 2)}, cost=cost, terminal_cost=end,
     )  # fmt: skip
 
@@ -182,9 +182,9 @@ def belt(request: Any) -> list[Kernels]:
 def check_bounds(kernels: list[Kernels], sequence: list[str], **more: Any) -> None:
     """At the durations of a motion the bound is what it costs; around them it is no more."""
     start = {"x": 0, "x_dot": 0, "y": 1, "y_dot": 0}
-    fields = {"final_time": 1.5, "steps": 3, "controls": "constant", **more}
+    fields = {"start": start, "final_time": 1.5, "steps": 3, "controls": "constant", **more}
     compiled, problem = (
-        dmoc.Problem(own, start=start, sequence=sequence, **fields).in_rates() for own in kernels
+        dmoc.Problem(own, sequence=sequence, **fields).in_rates() for own in kernels
     )
     solution = dmoc.solve(compiled, starts=1)
     durations = np.array([phase.duration for phase in solution.phases])
@@ -209,6 +209,14 @@ BOUNDED = {"bounds": {"x_dot": (-2, 1.6), "y_dot": (-3, 1.5)}, "final_time": 2.0
         (["+floor:slip+", "floor:slip-"], {"goal": {"x": 0.9}, "via": [None, {"x": 0.8}]}),
         (["+floor:stick", "floor:slip-"], {"goal": {"x": -0.1}}),
         (["+floor:slip+", "-floor"], {"goal": {"x": 1.3, "y": 0.9}}),
+        (
+            ["floor:slip-"],
+            {
+                "start": {"x": 0, "x_dot": 0.5, "y": 0.1, "y_dot": 1.3},
+                "contacts": ["floor:stick"],
+                "goal": {"x": 0.2},
+            },
+        ),
     ],
 )
 def test_bounds_at_the_durations_of_a_motion_are_what_it_costs(
