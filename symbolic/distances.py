@@ -107,7 +107,9 @@ def edges(shape: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to shape
-        By the endings of their names; beside other shapes an edge is a segment.
+        By the endings of their names; beside other shapes an edge is a segment.  Of a box the first
+        four are along x, at y and z with the signs ++, +-, -+ and --, then come those along y and
+        along z alike; of a hull they have the order of its ``edges``, pairs of its ``points``.
 
     Raises
     ------
@@ -148,7 +150,9 @@ def faces(shape: Any) -> dict[str, Plane]:
     Returns
     -------
     dict of str to Plane
-        By the endings of their names; each is taken as a plane without an end.
+        By the endings of their names; each is taken as a plane without an end.  Those of a box look
+        along x, -x, y, -y, z and -z, of a cylinder along z and -z, of a hull in the order of its
+        ``faces``.
 
     Raises
     ------

@@ -67,6 +67,15 @@ def test_faces_hold_their_shape(solid: object) -> None:
         assert float(WORLD.distance(tuple(at + 0.2 * n), face)) == pytest.approx(0.2)
 
 
+def test_features_of_a_box_have_an_order() -> None:
+    box = dmoc.spatial.Box((2, 4, 6))
+    looks = [tuple(map(int, edge.out)) for edge in dmoc.spatial.edges(box).values()]
+    assert looks[:4] == [(0, 1, 1), (0, 1, -1), (0, -1, 1), (0, -1, -1)]
+    assert looks[6] == (-1, 0, 1) and looks[11] == (-1, -1, 0)
+    normals = [tuple(map(int, face.normal)) for face in dmoc.spatial.faces(box).values()]
+    assert normals[:3] == [(1, 0, 0), (-1, 0, 0), (0, 1, 0)] and normals[5] == (0, 0, -1)
+
+
 def test_a_beam_falls_onto_another_one_and_bounces() -> None:
     z, world = dynamicsymbols("z"), dmoc.spatial.World(gravity=10)
     falling = world.slide(z, "z", mass=2, inertia=(0, 0, 0))
