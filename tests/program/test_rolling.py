@@ -13,7 +13,7 @@ import sympy as sp
 from sympy.physics.mechanics import dynamicsymbols
 
 import dmoc
-from dmoc.base.errors import SimulationError
+from dmoc.base.errors import ProblemError, SimulationError
 from dmoc.codegen.kernels import Kernels
 
 x, y, z, a, b, c = PLACES = dynamicsymbols("x y z a b c")
@@ -163,3 +163,8 @@ def test_a_ball_that_rolls_may_leave() -> None:
         ball(4, "rates"), *start, step_size=0.1, steps=2, parameters={"tilt": 1.01 * np.pi / 2}
     )
     assert off.rubbing == () and off.q[-1, 2] > RADIUS
+
+
+def test_proofs_do_not_cover_what_rolls() -> None:
+    with pytest.raises(ProblemError, match="do not cover contacts with two tangential directions"):
+        dmoc.prove(rolling())
