@@ -27,9 +27,11 @@ class Shifts(ctypes.Structure):
 
 class Phase(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int) for name in ("r", "na", "nb", "steps", "paths")),
+        *((name, ctypes.c_int) for name in ("r", "na", "nb", "steps", "paths", "nodes", "given")),
+        *((name, DOUBLES) for name in ("place", "drives")),
         *((name, DOUBLES) for name in ("P", "R", "c")), ("c_0", ctypes.c_double),
         *((name, DOUBLES) for name in ("lower", "upper", "path", "most", "since", "moves")),
+        ("within", DOUBLES),
         ("rows", ctypes.c_int), ("conditions", ctypes.c_int), ("S", DOUBLES),
         ("cost", ctypes.c_int), ("condition", DOUBLES),
     ]  # fmt: skip
@@ -42,15 +44,22 @@ class Rows(ctypes.Structure):
     ]  # fmt: skip
 
 
+class Times(ctypes.Structure):
+    _fields_ = [
+        ("rows", ctypes.c_int), *((name, DOUBLES) for name in ("b", "shifted", "vanish")),
+    ]  # fmt: skip
+
+
 class Event(ctypes.Structure):
-    _fields_ = [(name, Rows) for name in ("after", "zero", "most")]
+    _fields_ = [*((name, Rows) for name in ("after", "zero", "most")), ("when", Times)]
 
 
 class Problem(ctypes.Structure):
     _fields_ = [
         ("phases", ctypes.c_int), ("phase", ctypes.POINTER(Phase)),
         ("event", ctypes.POINTER(Event)),
-        ("goal_zero", Rows), ("goal_most", Rows), ("soft", DOUBLES), ("middle", DOUBLES),
+        ("goal_zero", Rows), ("goal_most", Rows), ("goal_cost", Rows), ("goal_when", Times),
+        ("soft", DOUBLES), ("middle", DOUBLES),
         ("spreads", ctypes.c_int), ("spread", DOUBLES), ("tie", DOUBLES), ("shortest", DOUBLES),
         ("longest", DOUBLES), ("earliest", ctypes.c_double), ("latest", ctypes.c_double),
         ("shifts", Shifts), ("definitions", ctypes.c_int), ("scale", ctypes.c_double),
@@ -78,7 +87,7 @@ class RandomProblem:
         ]  # fmt: skip
         self.count = 6 - 1 + len(self.priced)
         # Two shifts of the time t: 4 t^4 and t^3.
-        operations = [[12, 0, 0], [3, 0, 0], [3, 1, 0], [11, 0, 0], [1, 3, 2], [1, 1, 0]]
+        operations = [[13, 0, 0], [4, 0, 0], [4, 1, 0], [12, 0, 0], [1, 3, 2], [1, 1, 0]]
         self.operations = np.array(operations, dtype=np.intc)
         self.results = np.array([4, 5], dtype=np.intc)
         self.constants = np.array([[0.0, 0], [0, 0], [0, 0], [4, 4], [0, 0], [0, 0]])
@@ -101,7 +110,8 @@ class RandomProblem:
         return {
             "r": r, "na": na, "P": P, "R": R, "c": self._some(nb), "c_0": 0.25,
             "lower": -limit, "upper": limit + 0.125, "path": self._some(2, r),
-            "most": self._some(2), "since": np.zeros(2), "moves": np.array([0.0, -1.0]),
+            "most": self._some(2), "since": np.zeros(2), "within": np.ones(2),
+            "moves": np.array([[1.0, 0], [0, 0]]),
             "S": self._some(3, 3, 2 * r + na + nb + 1) / 4, "cost": 2,
             "condition": np.array([[0, -1, 0, 1, 0], [0, 1, 0, 0, 0], [1, -1, 0, 1, 2.0]]),
         }  # fmt: skip
@@ -125,18 +135,22 @@ class RandomProblem:
         n = self._numbers
         phases = (Phase * 2)(*(
             Phase(
-                p["r"], p["na"], INPUTS, STEPS, 2, n(p["P"]), n(p["R"]), n(p["c"]), p["c_0"],
-                *(n(p[k]) for k in ("lower", "upper", "path", "most", "since", "moves")),
+                p["r"], p["na"], INPUTS, STEPS, 2, 3, 0, n([0, 0.5, 1]), n([]),
+                n(p["P"]), n(p["R"]), n(p["c"]), p["c_0"],
+                *(n(p[k]) for k in ("lower", "upper", "path", "most", "since", "moves", "within")),
                 3, 3, n(p["S"]), p["cost"], n(p["condition"]),
             )
             for p in self.phases
         ))  # fmt: skip
-        events = (Event * 1)(Event(*map(self._in_c, (self.after, self.zero, self.most))))
+        at_event, never = map(self._in_c, (self.after, self.zero, self.most)), Times(0)
+        events = (Event * 1)(Event(*at_event, never))
+        free = self._in_c(self._rows(0, 4))
         shifts = Shifts(
             6, 2, self._whole(self.operations), n(self.constants), self._whole(self.results)
         )
         return Problem(
-            2, phases, events, self._in_c(self.goal_zero), self._in_c(self.goal_most), n(self.soft),
+            2, phases, events, self._in_c(self.goal_zero), self._in_c(self.goal_most), free, never,
+            n(self.soft),
             n(self.middle), 1, n(self.spread), n(self.tie), n(np.full(2, 1e-3)), n(np.full(2, 9.0)),
             0.0, 9.0, shifts, 0, 1.0,
         )  # fmt: skip
@@ -269,7 +283,7 @@ class ExactDual:
     ) -> None:
         for j, (of, at, inside, path) in enumerate(self.of.priced, 5):
             if (of, at, inside) == (i, node, AT_NODE):
-                moved = 4 * time**4 if phase["moves"][path] >= 0 else Fraction(0)
+                moved = 4 * time**4 if phase["moves"][path, 0] > 0 else Fraction(0)
                 self._add(self.m[j], self._path(phase, path, y, moved))
 
 

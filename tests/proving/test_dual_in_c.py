@@ -18,7 +18,7 @@ from dmoc.codegen.kernels import Array
 
 HERE, ROOT = Path(__file__).parent, Path(__file__).resolve().parents[2]
 SOURCES = """box centre costates convex dual ends line_systems phase point shifts small step_map
-    steps_cache violated""".split()
+    steps_cache times violated""".split()
 CENTRE = np.array([0.625, 0.5])
 TERMS = [key for d in range(4) for key in itertools.combinations_with_replacement(range(2), d)]
 
