@@ -41,5 +41,5 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dmoc.Batch]:
 
 
 @pytest.fixture(scope="module")
-def block() -> dmoc.Problem:
+def bounced() -> dmoc.Problem:
     return block_and_wall.problem(0.8, 10, 4)

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_time_and_ctrl_c_keep_what_was_done(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[BatchProgress] = []
     monkeypatch.setattr(many.Pace, "together", 1)
@@ -32,7 +32,7 @@ def test_time_and_ctrl_c_keep_what_was_done(
         if p.done == 2:
             raise KeyboardInterrupt
 
-    batch = dmoc.solve_many(masses(block, *MASSES), progress=interrupt)
+    batch = dmoc.solve_many(masses(bounced, *MASSES), progress=interrupt)
     assert batch.status == ("solved", "solved", "not_tried")
     assert batch.tried == 2 and not batch.complete
     assert "Ctrl-C" in batch.message[2]
@@ -40,7 +40,9 @@ def test_time_and_ctrl_c_keep_what_was_done(
         (1, 3, {"solved": 1}),
         (2, 3, {"solved": 2}),
     ]
-    slow = dmoc.solve_many(masses(block, *MASSES), seconds=0.3, progress=lambda p: time.sleep(0.4))
+    slow = dmoc.solve_many(
+        masses(bounced, *MASSES), seconds=0.3, progress=lambda p: time.sleep(0.4)
+    )
     assert slow.status[1:] == ("not_tried",) * 2 and "time" in slow.message[1]
 
 

@@ -31,14 +31,14 @@ class Counting(Executor):
     "seconds, largest", [(1.0, 1), (0.05, 10), (1e-4, many.TOGETHER)], ids=["slow", "some", "quick"]
 )
 def test_quick_problems_travel_together_and_slow_ones_alone(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch, seconds: float, largest: int
 ) -> None:
     def solved(share: many.Share) -> list[many.Row]:
         return [many.Row(number, "solved", "", seconds=seconds) for number, _ in share.problems]
 
     monkeypatch.setattr(many, "solve_share", solved)
     executor = Counting()
-    batch = dmoc.solve_many([block] * 1200, executor=executor)
+    batch = dmoc.solve_many([bounced] * 1200, executor=executor)
     assert batch.status == ("solved",) * 1200 and sum(executor.sizes) == 1200
     assert executor.sizes[0] == 1 and max(executor.sizes) == largest
     assert executor.sizes[-1] <= 2  # the last ones are small, so that none is waited for
@@ -58,8 +58,8 @@ class Refusing(Executor):
         return future
 
 
-def test_an_executor_that_takes_no_more_is_told(block: dmoc.Problem) -> None:
-    problems = masses(block, 1.0, 1.0)
+def test_an_executor_that_takes_no_more_is_told(bounced: dmoc.Problem) -> None:
+    problems = masses(bounced, 1.0, 1.0)
     batch = dmoc.solve_many(problems, executor=Refusing(), verify=False)
     assert set(batch.status) == {"not_tried"} and "takes no more work (closed)" in batch.message[0]
 
@@ -86,7 +86,7 @@ class Broken(Executor):
     ],
 )
 def test_an_executor_that_is_broken_ends_the_work(
-    block: dmoc.Problem, answer: object, says: str
+    bounced: dmoc.Problem, answer: object, says: str
 ) -> None:
-    batch = dmoc.solve_many(masses(block, 1.0, 1.0), executor=Broken(answer), verify=False)
+    batch = dmoc.solve_many(masses(bounced, 1.0, 1.0), executor=Broken(answer), verify=False)
     assert batch.status == ("not_tried",) * 2 and set(batch.message) == {says}

@@ -38,8 +38,8 @@ def same(a: dmoc.Batch, b: dmoc.Batch) -> bool:
 
 
 @pytest.mark.slow
-def test_each_row_is_what_a_solve_of_its_own_finds(block: dmoc.Problem) -> None:
-    problems = masses(block, *MASSES)
+def test_each_row_is_what_a_solve_of_its_own_finds(bounced: dmoc.Problem) -> None:
+    problems = masses(bounced, *MASSES)
     batch = dmoc.solve_many(iter(problems), keep=True)
     assert batch.complete and batch.solved.all() and batch.counts == {"solved": 3}
     assert batch.check == ("passed",) * 3 and batch.collisions == ("wall",) * 3
@@ -81,8 +81,8 @@ def test_rows_that_start_at_a_solution_are_what_each_finds_alone(seed: dmoc.Prob
 
 
 @pytest.mark.slow
-def test_the_rows_do_not_depend_on_who_solves(block: dmoc.Problem) -> None:
-    problems = masses(block, *np.linspace(0.5, 2.0, 11))
+def test_the_rows_do_not_depend_on_who_solves(bounced: dmoc.Problem) -> None:
+    problems = masses(bounced, *np.linspace(0.5, 2.0, 11))
     here = dmoc.solve_many(problems)
     assert same(here, dmoc.solve_many(problems, workers=2))
     with ThreadPoolExecutor(4) as threads:
@@ -90,7 +90,7 @@ def test_the_rows_do_not_depend_on_who_solves(block: dmoc.Problem) -> None:
 
 
 def test_problems_are_explored_only_where_that_is_asked_for(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     starts: list[Any] = []
     solved = many.solved
@@ -100,25 +100,25 @@ def test_problems_are_explored_only_where_that_is_asked_for(
         return solved(problem, replace(keywords, starts=1), guess)
 
     monkeypatch.setattr(many, "solved", noted)
-    dmoc.solve_many([block])
-    dmoc.solve_many([block], starts=7)
-    dmoc.sweep(block, {"m": [1.0]})
-    dmoc.sweep(block, {"m": [1.0]}, starts=None)
+    dmoc.solve_many([bounced])
+    dmoc.solve_many([bounced], starts=7)
+    dmoc.sweep(bounced, {"m": [1.0]})
+    dmoc.sweep(bounced, {"m": [1.0]}, starts=None)
     assert starts == [1, 7, 1, None]
 
 
-def test_a_guess_and_options_serve_all(block: dmoc.Problem) -> None:
-    problems = masses(block, 0.9, 1.1)
-    nominal = dmoc.solve(block, "ipm")
+def test_a_guess_and_options_serve_all(bounced: dmoc.Problem) -> None:
+    problems = masses(bounced, 0.9, 1.1)
+    nominal = dmoc.solve(bounced, "ipm")
     cold, warm = dmoc.solve_many(problems), dmoc.solve_many(problems, guess=nominal, verify=False)
     assert warm.cost == pytest.approx(cold.cost, rel=1e-8)
     assert (warm.iterations < cold.iterations).all() and warm.check == ("", "")
     assert dmoc.solve_many(problems, iterations=1).status == ("iteration_limit",) * 2
 
 
-def test_collisions_of_different_numbers_leave_gaps(block: dmoc.Problem) -> None:
-    free = block.but(sequence=(), goal={"x": 0.5, "x_dot": 0.0})
-    batch = dmoc.solve_many([free, block])
+def test_collisions_of_different_numbers_leave_gaps(bounced: dmoc.Problem) -> None:
+    free = bounced.but(sequence=(), goal={"x": 0.5, "x_dot": 0.0})
+    batch = dmoc.solve_many([free, bounced])
     assert batch.collisions == ("", "wall")
     assert np.isnan(batch.collision_times[0]).all() and np.isfinite(batch.impulses[1]).all()
     # from rest to rest over half a metre in a second: 6 s^2 / t^3
@@ -126,7 +126,7 @@ def test_collisions_of_different_numbers_leave_gaps(block: dmoc.Problem) -> None
 
 
 def test_a_problem_that_cannot_be_solved_is_a_row(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solved = many.solved
 
@@ -140,7 +140,7 @@ def test_a_problem_that_cannot_be_solved_is_a_row(
 
     monkeypatch.setattr(many, "solved", flawed)
     monkeypatch.setattr(many.Pace, "together", 1)
-    batch = dmoc.solve_many(masses(block, 0.5, 1.0, 2.0, 3.0))
+    batch = dmoc.solve_many(masses(bounced, 0.5, 1.0, 2.0, 3.0))
     assert batch.status == ("solved", "refused", "failed", "solved")
     assert batch.message[1:3] == ("the second is none.", "ZeroDivisionError: by chance")
     assert np.isnan(batch.cost[1:3]).all() and batch.complete
@@ -154,8 +154,8 @@ class Deadly(dmoc.Problem):
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_costs_only_its_problem(block: dmoc.Problem) -> None:
-    problems = masses(block, *np.linspace(0.5, 2.0, 9))
+def test_a_worker_that_dies_costs_only_its_problem(bounced: dmoc.Problem) -> None:
+    problems = masses(bounced, *np.linspace(0.5, 2.0, 9))
     deadly = problems[4]
     problems[4] = Deadly(deadly.kernels, deadly.start, deadly.goal, deadly.sequence)
     batch = dmoc.solve_many(problems, workers=2)
@@ -170,7 +170,7 @@ def test_a_worker_that_dies_costs_only_its_problem(block: dmoc.Problem) -> None:
 
 
 def test_where_no_worker_can_be_started_that_is_told(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As on a full disk, and in a process of a pool."""
 
@@ -178,7 +178,7 @@ def test_where_no_worker_can_be_started_that_is_told(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("dmoc.solving.processes.ProcessPoolExecutor", full)
-    batch = dmoc.solve_many(masses(block, 1.0, 1.0), workers=2, verify=False)
+    batch = dmoc.solve_many(masses(bounced, 1.0, 1.0), workers=2, verify=False)
     assert batch.status == ("not_tried",) * 2
     assert batch.message[0].startswith("no worker process can be started ([Errno 28] No space")
     assert batch.message[0].endswith("take workers=1")
@@ -186,7 +186,7 @@ def test_where_no_worker_can_be_started_that_is_told(
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_sweep_states_a_problem_when_its_turn_comes(
-    block: dmoc.Problem, workers: int, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, workers: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not those that are left when the time is used up."""
     stated = list[Any]()
@@ -197,10 +197,10 @@ def test_a_sweep_states_a_problem_when_its_turn_comes(
 
     monkeypatch.setattr("dmoc.solving.sweep._problem", counted)
     masses = np.linspace(1.0, 2.0, 1000)
-    batch = dmoc.sweep(block, {"m": masses}, seconds=1e-9, workers=workers)
+    batch = dmoc.sweep(bounced, {"m": masses}, seconds=1e-9, workers=workers)
     assert batch.status == ("not_tried",) * 1000 and not stated
     assert (batch.varied["m"] == masses).all()
-    dmoc.sweep(block, {"m": masses[:3]})
+    dmoc.sweep(bounced, {"m": masses[:3]})
     assert [values for (values,) in stated] == [1.0, *masses[1:3]]
 
 
@@ -253,26 +253,26 @@ def test_workers_run_the_script_only_for_its_functions(
     assert {*lines} == {"('solved', 'solved')", *runs} and len(lines) <= 4, done.stderr
 
 
-def test_a_sweep_goes_over_every_combination(block: dmoc.Problem) -> None:
+def test_a_sweep_goes_over_every_combination(bounced: dmoc.Problem) -> None:
     batch = dmoc.sweep(
-        block, {"m": [1.0, 2.0]}, start={"x": [0.0, -0.5, 0.25]}, bounds={"u": [(-30, 40)]}
+        bounced, {"m": [1.0, 2.0]}, start={"x": [0.0, -0.5, 0.25]}, bounds={"u": [(-30, 40)]}
     )
     assert list(batch.varied) == ["m", "start x", "bounds u"]
     assert batch.varied["m"].tolist() == [1, 1, 1, 2, 2, 2]
     assert batch.varied["start x"].tolist() == [0.0, -0.5, 0.25] * 2
     assert batch.varied["bounds u"].tolist() == [40.0] * 6
-    one = block.but(parameters={"m": 2.0}, start={"x": -0.5}, bounds={"u": (-30, 40)})
+    one = bounced.but(parameters={"m": 2.0}, start={"x": -0.5}, bounds={"u": (-30, 40)})
     assert batch.cost[4] == dmoc.solve(one, "ipm", starts=1).cost
     assert batch.cost[3:] == pytest.approx(4 * batch.cost[:3], rel=1e-6)
 
 
-def test_a_combination_that_is_no_problem_is_refused_in_its_row(block: dmoc.Problem) -> None:
-    batch = dmoc.sweep(block, start={"x": [0.0, 1.5]})
+def test_a_combination_that_is_no_problem_is_refused_in_its_row(bounced: dmoc.Problem) -> None:
+    batch = dmoc.sweep(bounced, start={"x": [0.0, 1.5]})
     assert batch.status == ("solved", "refused") and "wall" in batch.message[1]
 
 
-def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
-    bounds: Array = dmoc.sweep(block, bounds={"u": [(-30, None), (None, 40), None]}).varied[
+def test_the_columns_of_a_sweep_are_numbers(bounced: dmoc.Problem) -> None:
+    bounds: Array = dmoc.sweep(bounced, bounds={"u": [(-30, None), (None, 40), None]}).varied[
         "bounds u"
     ]
     np.testing.assert_array_equal(bounds, [-30.0, 40.0, np.nan])
@@ -280,7 +280,7 @@ def test_the_columns_of_a_sweep_are_numbers(block: dmoc.Problem) -> None:
 
 @pytest.mark.slow
 def test_the_script_stays_where_it_is_while_workers_start(
-    block: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
+    bounced: dmoc.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Other threads look there."""
     script, seen = sys.modules["__main__"], []
@@ -291,5 +291,5 @@ def test_the_script_stays_where_it_is_while_workers_start(
 
     spawnv_passfds = multiprocessing.util.spawnv_passfds
     monkeypatch.setattr(multiprocessing.util, "spawnv_passfds", started)
-    assert set(dmoc.solve_many([block] * 2, workers=2).status) == {"solved"}
+    assert set(dmoc.solve_many([bounced] * 2, workers=2).status) == {"solved"}
     assert len(seen) >= 2 and all(module is script for module in seen)
