@@ -30,8 +30,11 @@ def telling_coarseness(answer: Solution, case: Case) -> Solution:
     asked = request.verify and answer.starts and request.tolerance is None
     if not (asked and answer.minimum):
         return answer
-    fine = problem.meshed([FINER * n for n in answer.steps])
-    if max(fine.phase_steps) > MOST_STEPS or Layout.of(fine).size > MOST_UNKNOWNS:
+    steps = [FINER * n for n in answer.steps]
+    if max(steps) > MOST_STEPS:
+        return answer
+    fine = problem.meshed(steps)
+    if Layout.of(fine).size > MOST_UNKNOWNS:
         return answer
     options = case.of_mesh.options
     most = min(options.iterations, ITERATIONS)

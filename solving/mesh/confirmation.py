@@ -48,8 +48,10 @@ def naming_steps(answer: Solution, case: Case) -> Solution:
     tried, order, coarse = list[Solution](), float(problem.order), answer
     while len(tried) < TRIED and coarse.verification is not None:
         steps = passing_steps(coarse.verification, coarse.steps, order)
+        if max(steps) > MOST_STEPS:
+            break
         fine = problem.meshed(steps)
-        if max(steps) > MOST_STEPS or Layout.of(fine).size > MOST_UNKNOWNS:
+        if Layout.of(fine).size > MOST_UNKNOWNS:
             break
         s = case.along(fine, coarse, verify=True)
         if s.minimum:

@@ -9,7 +9,9 @@ from answers import answer_of
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
+from dmoc.problem import ranges
 from dmoc.results.notes import Topic
+from dmoc.solving.mesh import coarseness
 
 
 def across(block: Kernels, steps: int | None) -> dmoc.Problem:
@@ -36,3 +38,12 @@ def test_a_cost_that_a_finer_mesh_changes_by_more_than_a_tenth_is_told(block: Ke
 )
 def test_no_finer_mesh_is_looked_at_unasked(block: Kernels, options: dict[str, Any]) -> None:
     assert not told(answer_of(across(block, 2), **options))
+
+
+def test_no_mesh_beyond_the_finest_one_is_looked_at(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (ranges, coarseness):
+        monkeypatch.setattr(module, "MOST_STEPS", 3)
+    solution = answer_of(across(block, 2))
+    assert solution.status == "solved" and not told(solution)
