@@ -40,10 +40,16 @@ cdef class FreeParts(FreeLimits):
         """All segments from their first nodes, with the derivatives of their ends by these: by a
         coarse integration where that gets to the same ends."""
         cdef ptrdiff_t m = 2 * self.nq, width = m + m * m, k, i
-        self.begin_rows(m, &self.stops[0])
         self.begin_rows(width, &self.rows[0])
         for k in range(self.S):
             self.far[k] = True
+        if self.coarse:
+            self.follow(width, &self.rows[0], True)
+            for k in range(self.S):
+                for i in range(m):
+                    self.stops[k * m + i] = self.rows[k * width + i]
+            return 0
+        self.begin_rows(m, &self.stops[0])
         self.follow(m, &self.stops[0], True)
         self.coarse = True
         self.follow(width, &self.rows[0], False)
@@ -86,10 +92,10 @@ cdef class FreeParts(FreeLimits):
                         self.which[count], self.step[count] = i, self.first[i] + j
                         count += 1
                 if keeps:
-                    self.record_rows(count, rows, 0)
+                    self.record_rows(count, width, rows, 0)
                 self.advance_rows(
                     count, width, rows, &self.begins_at[0], &self.h[0], self.inputs(0),
-                    self.inputs(1), &self.accelerations[0]
+                    self.inputs(1), &self.accelerations[0] if keeps else NULL
                 )
                 if keeps:
                     for i in range(count):
@@ -97,17 +103,19 @@ cdef class FreeParts(FreeLimits):
                             self.course[self.step[i], m + c] = self.accelerations[
                                 self.which[i] * m + c
                             ]
-                    self.record_rows(count, rows, 2 * m)
+                    self.record_rows(count, width, rows, 2 * m)
                 j += 1
             begin += self.capacity
         return 0
 
-    cdef void record_rows(self, ptrdiff_t count, const double *rows, ptrdiff_t at) noexcept nogil:
+    cdef void record_rows(
+        self, ptrdiff_t count, ptrdiff_t width, const double *rows, ptrdiff_t at
+    ) noexcept nogil:
         """Keep states (q | v) of segments as those of their steps."""
         cdef ptrdiff_t i, c, m = 2 * self.nq
         for i in range(count):
             for c in range(m):
-                self.course[self.step[i], at + c] = rows[self.which[i] * m + c]
+                self.course[self.step[i], at + c] = rows[self.which[i] * width + c]
 
     cdef bint judge_segments(self) except -1 nogil:
         """Errors of the segments, defects and slopes; False where they are no numbers."""

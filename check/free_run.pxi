@@ -45,7 +45,7 @@ cdef class FreeRun(FreeParts):
             u[i] = (1 - share) * self.u_begin[k, i] + share * self.u_end[k, i]
 
     cdef int until(
-        self, ptrdiff_t k, double t, double end, const double *y, double *to
+        self, ptrdiff_t k, double t, double end, const double *y, double *to, double *ends
     ) except -1 nogil:
         """The state at a later time of step k, and the accelerations at both ends."""
         cdef ptrdiff_t i
@@ -56,7 +56,7 @@ cdef class FreeRun(FreeParts):
         self.inputs_at(k, end, &self.lap_u[self.nu])
         self.which[0] = self.step[0] = 0
         return self.advance_rows(
-            1, 2 * self.nq, to, &t, &h, &self.lap_u[0], &self.lap_u[self.nu], &self.y_ends[0]
+            1, 2 * self.nq, to, &t, &h, &self.lap_u[0], &self.lap_u[self.nu], ends
         )
 
     cdef double gap_at(
@@ -67,7 +67,7 @@ cdef class FreeRun(FreeParts):
         cdef ptrdiff_t stride[DMOC_MOST]
         cdef double *results[DMOC_MOST]
         cdef ptrdiff_t i
-        self.until(k, t, end, y, &self.saved[0])
+        self.until(k, t, end, y, &self.saved[0], NULL)
         for i in range(3):
             stride[i] = 0
         args[0], args[1], args[2] = &self.saved[0], &end, &self.par[0]
@@ -96,7 +96,7 @@ cdef class FreeRun(FreeParts):
         cdef double v[64]
         cdef double impulse = 0.0, inertia = 0.0
         for turn in range(MOST_IMPACTS):
-            self.until(k, t, end, &self.y_now[0], &self.y_next[0])
+            self.until(k, t, end, &self.y_now[0], &self.y_next[0], &self.y_ends[0])
             if not finite(2 * nq, &self.y_next[0]):
                 return LOST
             if self.first_hit(k, t, end, &at, &j) == GOES_ON:
@@ -104,7 +104,7 @@ cdef class FreeRun(FreeParts):
                     self.y_now[i] = self.y_next[i]
                 return GOES_ON
             if at > t:
-                self.until(k, t, at, &self.y_now[0], &self.y_next[0])
+                self.until(k, t, at, &self.y_now[0], &self.y_next[0], NULL)
                 for i in range(2 * nq):
                     self.y_now[i] = self.y_next[i]
             t = at

@@ -94,7 +94,7 @@ cdef class FreeNodes(Surfaces):
                 self.phase_of[at], self.begins_at[at] = i, self.T[k]
                 self.h[at] = self.T[k + 1] - self.T[k]
                 at += 1
-        self.time, self.coarse = self.T[self.n - 1] - self.T[0], False
+        self.time = self.T[self.n - 1] - self.T[0]
 
     cdef void arguments(self, const double **args, ptrdiff_t *stride) noexcept nogil:
         """The nodes as (q, v, t, parameters)."""

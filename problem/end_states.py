@@ -180,16 +180,6 @@ def _check_leaving(problem: Problem, q: Array, j: int, state: str) -> None:
         )
 
 
-def end_speeds_of(problem: Problem) -> Array:
-    """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
-    ends = (
-        (problem.start_bounds, problem.start_position), (problem.goal_bounds, problem.goal_position)
-    )  # fmt: skip
-    fixed = [fixed_velocity(boundary, problem, q) for boundary, q in ends]
-    speeds = [np.abs(v) for v in fixed if v is not None and np.isfinite(v).all()]
-    return np.asarray(np.max([np.zeros(problem.nq), *speeds], axis=0))
-
-
 def _check_contacts(problem: Problem) -> None:
     """Refuse what contacts that last cannot be: redundant, with a negative friction, or closed at a
     start that is off them."""

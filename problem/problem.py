@@ -35,7 +35,7 @@ from dmoc.problem.design import (
     parameter_values_of,
     unchosen,
 )
-from dmoc.problem.end_states import check_ends, end_speeds_of
+from dmoc.problem.end_states import check_ends
 from dmoc.problem.quantities import quantity_ranges_of, total_bounds_of, total_limits_of
 from dmoc.problem.ranges import (
     Boundary,
@@ -55,7 +55,7 @@ from dmoc.problem.ranges import (
     velocity_bounds_of,
     via_of,
 )
-from dmoc.problem.reach import inertia_of, operating_inputs_of, reach_of, spread_of
+from dmoc.problem.reach import end_speeds_of, inertia_of, operating_inputs_of, reach_of, spread_of
 from dmoc.problem.relations import goal_position_of, relations_of, start_position_of, unsaid_of
 from dmoc.problem.statement import read, statement_in_short, table_of_problem
 

@@ -67,6 +67,12 @@ class Boundary:
         return self.meant is not None
 
     @property
+    def known_velocity(self) -> Array | None:
+        """The velocity, where it is given."""
+        fixed = bool((self.velocity[:, 0] == self.velocity[:, 1]).all())
+        return self.velocity[:, 0] if self.meant is None and fixed else self.meant
+
+    @property
     def is_state(self) -> bool:
         """Whether position and velocity are fixed."""
         bounds = self.position, self.velocity, self.momentum
@@ -357,11 +363,9 @@ def _as_momenta(problem: Problem, boundary: Boundary, at_start: bool) -> Boundar
 
 def fixed_velocity(boundary: Boundary, problem: Problem, q: Array) -> Array | None:
     """The velocity at an end where it is fixed, by itself or by momenta."""
-    velocity, momentum = boundary.velocity, boundary.momentum
-    if boundary.meant is not None:
-        return boundary.meant
-    if (velocity[:, 0] == velocity[:, 1]).all():
-        return velocity[:, 0]
+    momentum = boundary.momentum
+    if boundary.known_velocity is not None:
+        return boundary.known_velocity
     if not (momentum[:, 0] == momentum[:, 1]).all():
         return None
     model = problem.models[-1 if boundary is problem.goal_bounds else 0]

@@ -1,8 +1,9 @@
-"""How far the coordinates of a problem may be expected to move, by what it says, and inputs around
-which its forces are looked at: zero, as long as these have slopes there."""
+"""How far and how fast the coordinates of a problem may be expected to move, by what it says, and
+inputs around which its forces are looked at: zero, as long as these have slopes there."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dmoc.base.records import record
 from dmoc.base.tolerances import BALANCED, ROUNDING, SAME
 from dmoc.codegen.kernels import Array
+from dmoc.mechanics.model import Model
 from dmoc.mechanics.projection import onto_gap
 
 if TYPE_CHECKING:
@@ -28,6 +30,8 @@ STATES, AROUND = 5, 0.3
 # Where in its bounds an input is looked at; sizes of inputs without bounds, by half decades.
 SHARE = 0.75
 SIZES = 10.0 ** (np.arange(-24, 25) / 2)
+# Bounds and position of each end, and its phase.
+ENDS = ("start_bounds", "start_position", 0), ("goal_bounds", "goal_position", -1)
 
 
 def onto_first(problem: Problem, q: Array) -> Array:
@@ -260,3 +264,30 @@ class _Forces:
         change = np.abs(pushed - np.where(np.isfinite(idle), idle, 0.0))
         change = np.where(np.isfinite(change), change, 0.0)
         return np.asarray(change.reshape(len(inputs), -1).max(axis=1))
+
+
+def end_speeds_of(problem: Problem) -> Array:
+    """Speeds that are fixed at the start or at the goal, shape (nq,); 0 where they are not."""
+    return np.asarray(end_speeds_of_rows([problem])[0])
+
+
+def end_speeds_of_rows(problems: Sequence[Problem]) -> Array:
+    """Those of R problems of one model, shape (R, nq)."""
+    speeds = np.zeros((len(problems), problems[0].nq))
+    for bounds, position, phase in ENDS:
+        velocities, impelled = np.zeros_like(speeds), list[int]()
+        for k, problem in enumerate(problems):
+            boundary = getattr(problem, bounds)
+            if boundary.known_velocity is not None:
+                velocities[k] = boundary.known_velocity
+            elif (boundary.momentum[:, 0] == boundary.momentum[:, 1]).all():
+                impelled.append(k)
+        if impelled:
+            models = [problems[k].models[phase] for k in impelled]
+            model = Model(models[0].kernels, np.concatenate([m.par for m in models]))
+            q = np.array([getattr(problems[k], position) for k in impelled])
+            p = np.array([getattr(problems[k], bounds).momentum[:, 0] for k in impelled])
+            velocities[impelled] = model.velocity(q, p)
+        there = np.isfinite(velocities).all(axis=1)
+        speeds[there] = np.maximum(speeds[there], np.abs(velocities[there]))
+    return speeds

@@ -13,6 +13,7 @@ from dmoc.codegen.kernels import Array, Kernels
 from dmoc.mechanics.model import Model
 from dmoc.problem.problem import Problem
 from dmoc.problem.ranges import Boundary
+from dmoc.problem.reach import end_speeds_of_rows
 
 
 def _stacked(name: str) -> Any:
@@ -33,10 +34,13 @@ class Stacked:
     duration_bounds = _stacked("duration_bounds")
     via_bounds = _stacked("via_bounds")
     restitution_values = _stacked("restitution_values")
-    end_speeds = _stacked("end_speeds")
     unsaid = _stacked("unsaid")
     reach = _stacked("reach")
     parameter_values = _stacked("parameter_values")
+
+    @cached_property
+    def end_speeds(self) -> Array:
+        return end_speeds_of_rows(self.each)
 
     @property
     def first(self) -> Problem:

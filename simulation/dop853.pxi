@@ -123,9 +123,7 @@ cdef class Method(Dynamics):
         self.moment(n, 0.0)
         self.slope(n, width, &self.y[0], &self.slopes[0])
         if ends != NULL:
-            for i in range(n):
-                for c in range(nq):
-                    ends[2 * nq * self.which[self.row[i]] + c] = self.slopes[i * width + nq + c]
+            self.accelerations_at(n, width, &self.slopes[0], ends)
         for k in range(count):
             for s in range(1, STAGE):
                 self.add(n, width, s, count, &self.stage[0])
@@ -149,9 +147,7 @@ cdef class Method(Dynamics):
             if k + 1 < count or ends != NULL:
                 self.slope(n, width, &self.y[0], &self.slopes[0])
         if ends != NULL:
-            for i in range(n):
-                for c in range(nq):
-                    ends[2 * nq * self.which[self.row[i]] + nq + c] = self.slopes[i * width + nq + c]
+            self.accelerations_at(n, width, &self.slopes[0], ends + nq)
         for i in range(n):
             if not finite(2 * nq, &self.y[i * width]) and finite(2 * nq, &self.start[i * width]):
                 self.error[i] = INFINITY
@@ -172,9 +168,9 @@ cdef class Method(Dynamics):
             self.check_time()
         return 0
 
-    cdef int classical(self, ptrdiff_t n, ptrdiff_t width) except -1 nogil:
+    cdef int classical(self, ptrdiff_t n, ptrdiff_t width, double *ends) except -1 nogil:
         """Integrate n rows from ``start`` in one part to ``y`` by the classical method of order 4,
-        without an estimate of the error."""
+        without an estimate of the error; accelerations at both ends."""
         cdef ptrdiff_t i, c, s, total = n * width
         cdef double share
         cdef double *slope
@@ -195,7 +191,21 @@ cdef class Method(Dynamics):
                     self.y[c] += self.span[i] / (3.0 if 0 < s < 3 else 6.0) * slope[c]
         if self.m:
             self.project_rows(n, width, &self.y[0], 3)
+        if ends != NULL:
+            slope = &self.slopes[4 * total]
+            self.slope(n, width, &self.y[0], slope)
+            self.accelerations_at(n, width, &self.slopes[0], ends)
+            self.accelerations_at(n, width, slope, ends + self.nq)
         return self.attend(n)
+
+    cdef void accelerations_at(
+        self, ptrdiff_t n, ptrdiff_t width, const double *slopes, double *ends
+    ) noexcept nogil:
+        """Those of slopes of n rows, as the ones at an end of their steps."""
+        cdef ptrdiff_t i, c, nq = self.nq
+        for i in range(n):
+            for c in range(nq):
+                ends[2 * nq * self.which[self.row[i]] + c] = slopes[i * width + nq + c]
 
     cdef void put(
         self, ptrdiff_t i, ptrdiff_t row, ptrdiff_t width, const double *y, const double *t,
@@ -221,7 +231,7 @@ cdef class Method(Dynamics):
             self.put(i, i, width, y, t, h, u0, u1)
             self.before[i] = INFINITY
         if self.coarse and n:
-            self.classical(n, width)
+            self.classical(n, width, ends)
             for i in range(n):
                 row = y + self.which[i] * width
                 for c in range(width):
@@ -317,7 +327,8 @@ cdef class Method(Dynamics):
                         if kept is not None:
                             self.record(m, width, &y[0, 0], kept, 0)
                         self.advance_rows(
-                            m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0], &ends[0, 0, 0]
+                            m, width, &y[0, 0], &t[0], &h[0], &u0[0, 0], &u1[0, 0],
+                            NULL if coarse else &ends[0, 0, 0],
                         )
                         if kept is not None:
                             self.record(m, 2 * nq, &ends[0, 0, 0], kept, 2 * nq)

@@ -20,7 +20,7 @@ from dmoc.base.errors import SimulationError
 from dmoc.check import compiled
 from dmoc.check.check import judged_by_steps
 from dmoc.check.checked_motion import Motion, OutOfTimeError
-from dmoc.check.compiled import arrays_of, passing
+from dmoc.check.compiled import MOST, arrays_of, passing
 from dmoc.check.free_motion import FreeMotion
 from dmoc.codegen.kernels import Kernels
 from dmoc.mechanics.model_values import parameter_rows, restitution_row
@@ -167,6 +167,27 @@ def test_both_find_the_same(motion: Case, share: float) -> None:
             assert ours == theirs, field.name
         else:
             assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-12), field.name
+
+
+def test_rows_have_the_verdicts_of_accurate_integrations(motion: Case) -> None:
+    """With errors that are as large as they may be and a little larger, which integrations of order
+    4 cannot tell."""
+    good, kernels = motion
+    par = parameter_rows(kernels, good.parameters, len(good.phases), SimulationError)
+    restitution = restitution_row(kernels, good.restitution, SimulationError)
+    arrays, claim = arrays_of(good, kernels, restitution), np.array([good.cost])
+    check = FreeMotion(kernels, DISCRETISATIONS[good.order])
+    found = check.measured(par, arrays, good.cost, lambda: None)
+    assert found is not None
+    errors, verdict = np.array(found[0]), np.full(1, 7, np.uint8)
+
+    def passes(most: np.ndarray) -> bool:
+        check.judge(par, arrays, claim, most, verdict, lambda: None)
+        return bool(verdict[0])
+
+    assert passes(MOST) and passes(1.001 * errors + 1e-15)
+    for i in np.flatnonzero(errors > 1e-9):
+        assert not passes(np.where(np.arange(len(errors)) == i, 0.9 * errors, np.inf))
 
 
 def still(good: Trajectory) -> Trajectory:
