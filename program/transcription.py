@@ -9,7 +9,7 @@ of :class:`Transcription` is x divided by ``sizes``, a row of (c | d) by its ``r
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
@@ -19,6 +19,7 @@ from typing import Self
 import numpy as np
 
 from dmoc.codegen.kernels import Array
+from dmoc.problem.derived import once
 from dmoc.problem.problem import Problem
 from dmoc.program.assembly import on_limits
 from dmoc.program.blocks import NOWHERE, Block, Index
@@ -34,6 +35,7 @@ from dmoc.program.elements import (
 )
 from dmoc.program.evaluator import Evaluator
 from dmoc.program.iterate import Iterate
+from dmoc.program.laws.ends import Goal
 from dmoc.program.laws.laws import Laws, laws_of, rows_follow_from, settles_rows
 from dmoc.program.layout import Layout
 from dmoc.program.scale import Scale
@@ -85,22 +87,35 @@ class Transcription(Evaluator):
         make = partial(laws_of, problem, self.layout, self.scale, grazes, goals, pulling)
         few = self.layout.is_shared and self.layout.size <= MOST_REMEMBERED
         form = rows_follow_from(problem, self.layout, grazes) if few and not goals else None
-        own = form is None or settles_rows(problem, self.layout)
-        laws = MEMORY.bounding.of(None if own else form, make)
-        self.limits = limits(problem, self.layout, laws, self.scale, goals)
-        facts = laws.settled(problem, self.limits).facts if own else ()
-
-        def numbered() -> Laws:
-            return (laws if own else make().settled(problem, self.limits)).numbered()
-
-        fixed = (self.limits[0] == self.limits[1]).tobytes()
-        shared = None if form is None else (form, fixed, facts)
-        self.laws = MEMORY.laws.of(shared, numbered).stating(problem)
+        self.laws, self.limits = self._laws_within(make, (form, pulling), goals)
         self.n = self.layout.size
         self.n_eq, self.n_in = self.laws.n_eq, self.laws.n_in
         self.scaled_by_sizes = scale is not None
         self.sizes = self.layout.sizes(self.scale) if self.scaled_by_sizes else np.ones(self.n)
         self.lower, self.upper = (limit / self.sizes for limit in self.limits)
+
+    def _laws_within(
+        self, make: Callable[[], Laws], of: tuple[Hashable | None, bool], goals: Sequence[Goal]
+    ) -> tuple[Laws, tuple[Array, Array]]:
+        """The laws with their rows, and the limits of the unknowns."""
+        problem, lay, form = self.problem, self.layout, of[0]
+        own = form is None or settles_rows(problem, lay)
+        # One solve makes several programs of a problem, in other sizes.
+        made = once(problem, _no_laws).setdefault(of, {}) if own and form is not None else {}
+        laws = next(iter(made.values()), None) or MEMORY.bounding.of(None if own else form, make)
+        within = limits(problem, lay, laws, self.scale, goals)
+        fixed = (within[0] == within[1]).tobytes()
+        if fixed in made:
+            return made[fixed], within
+        if not own:
+            shared = MEMORY.laws.of(
+                (form, fixed), lambda: make().settled(problem, within).numbered()
+            )
+            return shared.stating(problem), within
+        laws = (make() if made else laws).settled(problem, within)
+        shared = MEMORY.laws.of(form and (form, fixed, laws.facts), laws.numbered)
+        made[fixed] = shared.stating(problem).with_numbers(laws)
+        return made[fixed], within
 
     @cached_property
     def row_sizes(self) -> Array:
@@ -117,7 +132,7 @@ class Transcription(Evaluator):
         """The structure that the program shares with those of all problems of its form."""
         return self._parts[0]
 
-    @property
+    @cached_property
     def numbers(self) -> Numbers:
         """All that the programs of one structure differ in."""
         m = self.laws.n_eq + self.laws.n_in
@@ -139,21 +154,31 @@ class Transcription(Evaluator):
         if self.n > MOST_REMEMBERED:
             form, numbers = self._form()
             return structure_of(form), numbers
-        remembered, key = self.laws.remembered, self.laws.impact.e.tobytes()
+        laws, remembered = self.laws, self.laws.remembered
         structure = remembered.structure() if remembered.structure else None
-        last = remembered.numbers
-        if structure is not None and last is not None and last[0] == key:
-            return structure, last[1]
+        values, restitution = laws.values, laws.restitution
+        last, before = remembered.coefficients, remembered.factors
+        if structure is not None and before is not None and before[0] == restitution:
+            if last is None or last[0] != values:
+                last = remembered.coefficients = values, self._entries()[-1]
+            return structure, (last[1], before[1])
         form, numbers = self._form()
         structure = structure or MEMORY.structures.of_form(form)
-        remembered.structure, remembered.numbers = weakref.ref(structure), (key, numbers)
+        remembered.structure = weakref.ref(structure)
+        remembered.coefficients = values, numbers[0]
+        remembered.factors = restitution, numbers[1]
         return structure, numbers
+
+    def _entries(self) -> tuple[Index, Index, Array]:
+        """Rows, unknowns and coefficients of the linear part."""
+        entries = chain.from_iterable(law.entries(self.laws) for law in self.laws)
+        rows, columns, coefficients = (np.concatenate(part) for part in zip(*entries, strict=True))
+        return rows, columns, coefficients
 
     def _form(self) -> tuple[Form, tuple[Array, Array]]:
         """The form of the program, and the coefficients and factors of the laws."""
         laws, kernels, m = self.laws, self.kernels, self.laws.n_eq + self.laws.n_in
-        entries = chain.from_iterable(law.entries(laws) for law in laws)
-        *at, coefficients = (np.concatenate(part) for part in zip(*entries, strict=True))
+        rows, columns, coefficients = self._entries()
         places = Places(
             self.layout,
             self.n + m + 1,
@@ -170,8 +195,8 @@ class Transcription(Evaluator):
         chosen = np.array([unknowns.get(name, NOWHERE) for name in kernels.parameters], np.intp)
         blocks = chain(self.layout.unknowns, laws.equalities, laws.inequalities)
         form = Form(
-            kernels, chosen, entering, Linear(*at), [(b.name, b.index) for b in blocks], self.n, m,
-            laws.n_eq, len(factors),
+            kernels, chosen, entering, Linear(rows, columns), [(b.name, b.index) for b in blocks],
+            self.n, m, laws.n_eq, len(factors),
         )  # fmt: skip
         return form, (coefficients, factors)
 
@@ -218,7 +243,7 @@ class Transcription(Evaluator):
         other, law, grips = copy(self), copy(self.laws.complementarity), copy(self.laws.open_grips)
         law.eps = grips.eps = eps
         other.laws = replace(self.laws, complementarity=law, open_grips=grips)
-        for name in ("assembled", "program", "analyses", "_memory"):
+        for name in ("assembled", "program", "analyses", "numbers", "_memory"):
             other.__dict__.pop(name, None)
         return other
 
@@ -232,3 +257,8 @@ class Transcription(Evaluator):
         other = copy(self)
         other.problem = problem
         return other
+
+
+def _no_laws(problem: Problem) -> dict[Hashable, dict[bytes, Laws]]:
+    """The laws of a problem before it has any."""
+    return {}

@@ -72,8 +72,9 @@ class BallLaw(Law):
     Attributes
     ----------
     lay : Layout
-    mu : array, shape (events, nt)
-        Friction in hits; not a number where a solver chooses it.
+    mu : array, shape (events,)
+        Friction in its hits, by which their cones are measured; 1 where it is none or a solver
+        chooses it.
     e_t : array, shape (nt,)
         Tangential restitution.
     grazing : array of bool, shape (events,)
@@ -89,6 +90,15 @@ class BallLaw(Law):
     rests: Block = field(init=False)
     holds: Block = field(init=False)
     goes_on: Block = field(init=False)
+
+    @classmethod
+    def of(cls, lay: Layout, mu: Array, e_t: Array, grazing: Bools) -> BallLaw:
+        """The law with the friction of all events, shape (events, nt)."""
+        law = cls(lay, np.ones(len(grazing)), e_t, grazing)
+        for p in law.passages:
+            if mu[p.event, p.tangent] > 0:
+                law.mu[p.event] = mu[p.event, p.tangent]
+        return law
 
     @property
     def passages(self) -> tuple[Passage, ...]:
@@ -127,15 +137,11 @@ class BallLaw(Law):
 
     def inequalities(self, block: Numbering) -> None:
         names, first = self.lay.touch.contacts.tangents, self._along[:, 0]
-        mu = np.ones(len(first))
-        for p in self.passages:
-            if self.mu[p.event, p.tangent] > 0:
-                mu[p.event] = self.mu[p.event, p.tangent]
         self.holds = block(
             "cone of a ball",
             self._hits(STICK),
             lambda i: f"friction cone of {names[first[i]]} at event {i + 1}",
-            lambda s: (mu * s.lam[self.lay.hit.hit]) ** 2,
+            lambda s: (self.mu * s.lam[self.lay.hit.hit]) ** 2,
         )
         self.goes_on = block(
             "a ball goes on",

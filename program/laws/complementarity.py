@@ -22,7 +22,7 @@ of both factors; for eps to zero the motions are those of all sequences, and eac
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -116,6 +116,11 @@ class ComplementarityLaw(Law):
     def _next(self) -> Index:
         """The node after each, and the last one after itself."""
         return np.minimum(np.arange(1, self.lay.total + 2), self.lay.total)
+
+    @property
+    def facts(self) -> Hashable:
+        """None: problems whose contacts are left open share no rows, and others have none of it."""
+        return None
 
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         box[self.lay.relaxed.P_r[self._presses], 0] = 0.0

@@ -88,6 +88,8 @@ class FrictionLaw(LawAtContacts):
         Whether some friction depends on the sliding speed.
     """
 
+    numbers = "mu", "mu_s"
+
     direction: SlidingLaw
     mu: Array
     mu_s: Array

@@ -55,6 +55,8 @@ class HeldLaw(LawAtContacts):
         Constraints that follow from others.
     """
 
+    numbers = ("mu",)
+
     mu: Array
     grazing: Bools
     following: Bools

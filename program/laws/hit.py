@@ -93,6 +93,8 @@ class HitLaw(Law):
         Hits that graze their surface.
     """
 
+    numbers = "mu", "e"
+
     lay: Layout
     names: tuple[str, ...]
     mu: Array

@@ -91,6 +91,8 @@ class ImpactLaw(Law):
         Hits with friction, which obey another law; not those that go as a whole.
     """
 
+    numbers = ("e",)
+
     problem: Problem
     lay: Layout
     e: Array

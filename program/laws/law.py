@@ -8,9 +8,10 @@ closed``.  Layout, transcription, factorisation and diagnosis go through all law
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Collection, Hashable, Iterator
+from copy import copy
 from dataclasses import fields, is_dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -74,6 +75,10 @@ class Edge(NamedTuple):
 class Law:
     """A law contributes nothing unless it says so."""
 
+    # Its arrays that are numbers: of the rows, only their factors depend on more than the kinds of
+    # these.
+    numbers: ClassVar[tuple[str, ...]] = ()
+
     def bounds(self, problem: Problem, box: Array, scale: Scale) -> None:
         """Put the bounds of the law's unknowns into ``box``, shape (n, 2), and those that it would
         leave no interior out of the way."""
@@ -81,8 +86,22 @@ class Law:
     @property
     def facts(self) -> Hashable:
         """All that the law holds before its rows are numbered, but for its layout, its problem and
-        other laws."""
-        return _parts(self)
+        other laws; of its numbers their kinds."""
+        return _parts(self, self.numbers)
+
+    def with_numbers(self, other: Self) -> Self:
+        """The same rows with the numbers of a law of the same facts."""
+        if self.values == other.values:
+            return self
+        changed = copy(self)
+        for name in self.numbers:
+            setattr(changed, name, getattr(other, name))
+        return changed
+
+    @property
+    def values(self) -> tuple[bytes, ...]:
+        """Its numbers."""
+        return tuple(getattr(self, name).tobytes() for name in self.numbers)
 
     def settle(self, problem: Problem, limits: tuple[Array, Array]) -> None:
         """Note which rows the fixed values settle, that is unknowns whose lower and upper
@@ -132,9 +151,15 @@ def key(node: Index | int, rank: int) -> Index:
 _ELSEWHERE = Problem, Layout, Scale, Block, Law, dict
 
 
-def _parts(record: Any) -> Hashable:
-    """The contents of the fields of a record that are set."""
-    return tuple(_facts(getattr(record, field.name, None)) for field in fields(record))
+def _parts(record: Any, numbers: Collection[str] = ()) -> Hashable:
+    """The contents of the fields of a record that are set; of numbers their kinds."""
+    named = ((field.name, getattr(record, field.name, None)) for field in fields(record))
+    return tuple(_kinds(v) if name in numbers else _facts(v) for name, v in named)
+
+
+def _kinds(values: Any) -> Hashable:
+    """Which numbers are zero, which are larger, and which are infinite or none."""
+    return np.isnan(values).tobytes(), np.isinf(values).tobytes(), np.sign(values).tobytes()
 
 
 def _facts(value: Any) -> Hashable:

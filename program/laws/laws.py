@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -48,17 +49,22 @@ from dmoc.program.presolve import Settled, following_joints
 from dmoc.program.scale import Scale
 from dmoc.program.totals import counted
 
+# The laws that hold numbers, and those that look at the numbers of friction.
+WITH_NUMBERS = "impact", "friction", "hit", "tangential", "held"
+AT_FRICTION = "breakaway", "rolling"
+
 
 class Remembered:
-    """The structure that follows from some laws, as long as somebody keeps it, the last numbers of
-    their entries and terms, coefficients and factors, with what these follow from, and how sizes
-    spread over their rows."""
+    """The structure that follows from some laws, as long as somebody keeps it, the last
+    coefficients of their entries and factors of their terms, with the numbers that these follow
+    from, and how sizes spread over their rows."""
 
     def __init__(self) -> None:
         self.sizes = Spread()
 
     structure: weakref.ref[Structure] | None = None
-    numbers: tuple[bytes, tuple[Array, Array]] | None = None
+    coefficients: tuple[Hashable, Array] | None = None
+    factors: tuple[Hashable, Array] | None = None
 
 
 @dataclass(eq=False, repr=False)
@@ -141,6 +147,28 @@ class Laws:
         same.n_eq, same.n_in = self.n_eq, self.n_in
         return same
 
+    def with_numbers(self, other: Laws) -> Laws:
+        """The same rows with the numbers that laws of the same facts hold."""
+        if self.values == other.values:
+            return self
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in WITH_NUMBERS}
+        own = {name: mine.with_numbers(theirs) for name, (mine, theirs) in pairs.items()}
+        for name in AT_FRICTION if own["friction"] is not self.friction else ():
+            own[name] = copy(getattr(self, name))
+            own[name].friction = own["friction"]
+        return replace(self, **own)
+
+    @property
+    def values(self) -> tuple[bytes, ...]:
+        """The numbers that laws hold, on which coefficients of entries and factors of terms
+        depend."""
+        return tuple(part for name in WITH_NUMBERS for part in getattr(self, name).values)
+
+    @property
+    def restitution(self) -> tuple[bytes, bytes]:
+        """Those on which factors of terms depend."""
+        return self.impact.e.tobytes(), self.hit.e.tobytes()
+
     def settled(self, problem: Problem, limits: tuple[Array, Array]) -> Laws:
         """Note what of a problem its unknowns with equal lower and upper limits settle."""
         for law in self:
@@ -185,7 +213,7 @@ def laws_of(
         hit = HitLaw.of(problem, lay, impact)
         in_hits = np.where(np.isinf(model.hit_friction), np.inf, mu[:-1])
         returning = TangentialLaw(lay, in_hits, model.tangential_restitution, impact.grazing)
-        ball = BallLaw(lay, mu[:-1], model.tangential_restitution, impact.grazing)
+        ball = BallLaw.of(lay, mu[:-1], model.tangential_restitution, impact.grazing)
         held = HeldLaw(contact, mu[:-1], impact.grazing, following_joints(problem))
         rubbing = friction, sliding, BreakawayLaw(friction), RollingLaw(contact, friction)
         of_contacts = contact, *rubbing, hit, returning, ball, held
@@ -280,7 +308,7 @@ def _untouched(
     none = np.zeros((lay.phases, len(lay.joint.names)), dtype=bool)
     held = HeldLaw(contact, mu[:-1], grazing, none)
     returning = TangentialLaw(lay, mu[:-1], mu[0], grazing)
-    breakaway, ball = BreakawayLaw(friction), BallLaw(lay, mu[:-1], mu[0], grazing)
+    breakaway, ball = BreakawayLaw(friction), BallLaw.of(lay, mu[:-1], mu[0], grazing)
     rolling = RollingLaw(contact, friction)
     laws = contact, friction, sliding, breakaway, rolling, hit, returning, ball, held
     for law in laws:

@@ -105,6 +105,8 @@ class TangentialLaw(Law):
         Hits that graze their surface.
     """
 
+    numbers = "mu", "e_t"
+
     lay: Layout
     mu: Array
     e_t: Array
