@@ -90,6 +90,8 @@ class Printer:
         texts = [self.text(part) for part in node.parts]
         if node.kind == graph.CALL:
             return f"{self.functions[node.value]}({', '.join(texts)})", _ATOM
+        if node.kind == graph.CALLED:
+            return f"{node.value.name}({', '.join(texts)})", _ATOM
         if node.kind == graph.RELATION:
             return f"({texts[0]} {node.value} {texts[1]})", _ATOM
         if node.kind == graph.JUNCTION:

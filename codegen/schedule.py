@@ -12,7 +12,8 @@ from functools import cached_property
 from itertools import chain
 
 from dmoc.symbolic.arrangement import with_common_factors
-from dmoc.symbolic.graph import PRODUCT, RESULT, GraphNode
+from dmoc.symbolic.called import Function
+from dmoc.symbolic.graph import CALLED, PRODUCT, RESULT, GraphNode
 from dmoc.symbolic.pairs import Part, share_pairs
 from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.spec import FunctionSpec, KernelSpec
@@ -123,6 +124,17 @@ def functions_of(kernels: Iterable[KernelSpec]) -> list[FunctionSpec]:
         FunctionSpec(function, order, tuple(sorted(own, key=lambda path: (len(path), path))))
         for (function, order), own in paths.items()
     ]
+
+
+def called_of(kernels: Iterable[KernelSpec]) -> list[Function]:
+    """The functions that kernels call by their names, each behind those that it calls itself."""
+    called: dict[Function, None] = {}
+    for kernel in kernels:
+        own = dict.fromkeys(n.value for n in reached(_expressions(kernel)) if n.kind == CALLED)
+        for function in own:
+            if function not in called:
+                called.update(dict.fromkeys([*called_of([function.kernel]), function]))
+    return list(called)
 
 
 def _expressions(kernel: KernelSpec) -> list[GraphNode]:

@@ -22,7 +22,8 @@ from dmoc.codegen.printer import (
     Printer,
     listing,
 )
-from dmoc.codegen.schedule import functions_of
+from dmoc.codegen.schedule import called_of, functions_of
+from dmoc.symbolic.called import Function, Least
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Output
 
 
@@ -31,14 +32,17 @@ def c_files(model: ModelSpec) -> dict[str, str]:
     """Return the C sources of a model and its manifest, as ``{file name: text}``."""
     functions = functions_of(model.kernels)
     inputs, entries = _entries(model.kernels)
-    own_functions = [_c_function(f) for f in functions]
+    called = [_c_called(f) for f in called_of(_all(model, functions))]
+    own_functions = [*called, *(_c_function(f) for f in functions)]
     kernels = [
         _c_kernel(k, functions)
         | {"arrays": arrays, "inputs": len(k.inputs), "outputs": len(k.outputs)}
         for k, arrays in zip(model.kernels, entries, strict=True)
     ]
+    most = max((f["places"] for f in called), default=0)
     facts: dict[str, Any] = {
         "name": model.name,
+        "angles": _render("angles.c", {"angles": most}) if most else "",
         "functions": own_functions,
         "kernels": kernels,
         "units": _numbered([*own_functions, *kernels]),
@@ -75,8 +79,10 @@ def _digest(files: dict[str, str]) -> str:
 def numpy_text(model: ModelSpec) -> str:
     """Return a NumPy module with the same functions as the compiled one."""
     functions = functions_of(model.kernels)
+    called = called_of(_all(model, functions))
     facts = {
         "name": model.name,
+        "called": [_numpy_kernel(f.kernel, (), ArgumentPrinter) | _wrapper(f) for f in called],
         "functions": [_numpy_kernel(f.kernel, (), ArgumentPrinter) for f in functions],
         "kernels": [_numpy_kernel(k, functions) for k in model.kernels],
     }
@@ -150,6 +156,21 @@ def _c_function(function: FunctionSpec) -> dict[str, Any]:
     facts = _c_kernel(function.kernel, ())
     unused = [] if "IN par" in facts["signature"] else ["(void)par;"]
     return facts | {"signature": "IN z, IN par, OUT d", "lines": [*unused, *facts["lines"]]}
+
+
+def _c_called(function: Function) -> dict[str, Any]:
+    """Facts about a function that is called by its name."""
+    return _c_kernel(function.kernel, ()) | {"signature": "IN z, OUT d"} | _wrapper(function)
+
+
+def _wrapper(function: Function) -> dict[str, Any]:
+    """How it is called: of how many numbers, and from how many places it finds an angle."""
+    places = function.places if isinstance(function, Least) else 0
+    return {"call": function.name, "count": len(function.symbols), "places": places}
+
+
+def _all(model: ModelSpec, functions: Sequence[FunctionSpec]) -> list[KernelSpec]:
+    return [*(f.kernel for f in functions), *model.kernels]
 
 
 def _parts(

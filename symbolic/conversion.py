@@ -11,8 +11,10 @@ from sympy.functions.elementary.piecewise import ExprCondPair
 from sympy.logic.boolalg import Boolean
 
 from dmoc.base.errors import GenerationError
+from dmoc.symbolic.called import CalledFunction, Function
 from dmoc.symbolic.graph import JUNCTION, RELATION, Graph, GraphNode
 from dmoc.symbolic.pairs import with_shared_sums
+from dmoc.symbolic.scalar import Scalar
 from dmoc.symbolic.slopes import SLOPES
 
 RELATIONS = {
@@ -67,9 +69,19 @@ def _converted(g: Graph, e: Any, convert: Callable[[Any], GraphNode]) -> GraphNo
     if isinstance(e, (sp.And, sp.Or)):
         parts = sorted((convert(a) for a in e.args), key=lambda n: n.number)
         return g.make(JUNCTION, type(e).__name__, tuple(parts))
+    if isinstance(e, CalledFunction):
+        return _called(g, type(e))([convert(a) for a in e.args])
     if e.is_Symbol:
         raise GenerationError(f"the symbol {e} is no input of the kernel.")
     return g.apply(type(e).__name__, *(convert(a) for a in e.args))
+
+
+def _called(g: Graph, kind: type[CalledFunction]) -> Function | Scalar:
+    """A function that code calls, which is made once."""
+    if kind not in g.called:
+        g.called[kind] = kind.function(g, plain_nodes)
+    made: Function | Scalar = g.called[kind]
+    return made
 
 
 def _constant(e: Any) -> float | None:
@@ -125,7 +137,7 @@ def _checked(expression: Any) -> Any:
 
 
 def _is_printable(node: Any) -> bool:
-    if isinstance(node, (*PLAIN, *KINKS)):
+    if isinstance(node, (*PLAIN, *KINKS, CalledFunction)):
         return not isinstance(node, (sp.Not, sp.Xor, sp.ITE))
     if isinstance(node, ExprCondPair) or node in (sp.pi, sp.E):
         return True

@@ -59,6 +59,21 @@ class Edge(Round):
 
 
 @dataclass(frozen=True)
+class Rim:
+    """A rim of a cylinder, seen from outside along -``along``; ``across`` are two directions in its
+    plane."""
+
+    at: Vector
+    along: Vector
+    radius: Any
+    across: tuple[Vector, Vector]
+
+    def inside(self, v: Vector) -> Vector:
+        """A direction in the frame of the rim."""
+        return tuple(dot(v, axis) for axis in (*self.across, self.along))
+
+
+@dataclass(frozen=True)
 class Drum:
     """A cylinder."""
 
@@ -66,6 +81,12 @@ class Drum:
     along: Vector
     half: Any
     radius: Any
+    across: tuple[Vector, Vector]
+
+    @property
+    def rims(self) -> list[Rim]:
+        ways = [times(sign, self.along) for sign in (1, -1)]
+        return [Rim(added(self.at, times(self.half, n)), n, self.radius, self.across) for n in ways]
 
 
 @dataclass(frozen=True)
@@ -144,13 +165,13 @@ class Cut:
         return [edge.along for edge in self.edges if edge.along is not None]
 
 
-Core: TypeAlias = Round | Block | Cut | Drum
+Core: TypeAlias = Round | Block | Cut | Drum | Rim
 
 
 def core_of(shape: Any) -> Core | HalfSpace:
     """What the distances of a shape in the world are made of; a point is its place."""
     match shape:
-        case Edge():
+        case Edge() | Rim():
             return shape
         case Plane():
             return HalfSpace(shape.at, unit(shape.normal))
@@ -159,7 +180,8 @@ def core_of(shape: Any) -> Core | HalfSpace:
         case Capsule():
             return Round(shape.at, _axis(shape, 2), shape.length / 2, shape.radius)
         case Cylinder():
-            return Drum(shape.at, _axis(shape, 2), shape.length / 2, shape.radius)
+            across = _axis(shape, 0), _axis(shape, 1)
+            return Drum(shape.at, _axis(shape, 2), shape.length / 2, shape.radius, across)
         case Box():
             return Block(shape.at, tuple((_axis(shape, k), shape.size[k] / 2) for k in range(3)))
         case Hull():

@@ -12,6 +12,7 @@ from sympy.physics.mechanics import dynamicsymbols
 
 from dmoc.base.errors import ModelError
 from dmoc.base.names import name_of
+from dmoc.symbolic.called import CalledFunction
 from dmoc.symbolic.expressions import atoms_of
 from dmoc.symbolic.graph import SUM, GraphNode
 from dmoc.symbolic.kinks import KINKS, check_smooth
@@ -67,7 +68,7 @@ def _check_kinks(system: MechanicalSystem) -> None:
     """Refuse definitions with kinks in what is no distance: what splits kinks does not see them."""
     bent: set[Any] = set()
     for symbol, value in system.definitions.items():
-        if value.has(*KINKS) or atoms_of(value) & bent:
+        if value.has(*KINKS, CalledFunction) or atoms_of(value) & bent:
             bent |= {symbol, rate_symbol(symbol)}
     for field in EXPRESSIONS if bent else ():
         if field in WITH_KINKS:

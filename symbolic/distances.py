@@ -14,9 +14,9 @@ import sympy as sp
 
 from dmoc.base.arguments import shown
 from dmoc.base.errors import ModelError
-from dmoc.base.signatures import public
-from dmoc.symbolic.cores import Block, Core, Cut, Drum, Edge, HalfSpace, Round, core_of
+from dmoc.symbolic.cores import Block, Core, Cut, Drum, Edge, HalfSpace, Rim, Round, core_of
 from dmoc.symbolic.hulls import Hull, carried_hull
+from dmoc.symbolic.rims import from_rim
 from dmoc.symbolic.solids import Box, Capsule, Cylinder, Moved, Plane, Sphere, carried_solid
 from dmoc.symbolic.vectors import Vector, added, cross, dot, times
 
@@ -47,137 +47,6 @@ def distance_of(a: Any, b: Any, define: Define) -> Any:
     return _between(first, second, define)
 
 
-@public(ModelError)
-def features(shape: Any) -> dict[str, Any]:
-    """What of a shape meets another one first: each a shape of its own, for a surface of its own.
-
-    A box and a hull have their corners, ``_1``, ``_2``, ...; a capsule has the spheres at its ends,
-    ``_a`` and ``_b``; a sphere or a point is one feature, without an ending.
-
-    Parameters
-    ----------
-    shape : shape in space
-        As those of :meth:`World.distance`.
-
-    Returns
-    -------
-    dict of str to shape
-        By the endings of their names.
-
-    Raises
-    ------
-    ModelError
-        If the shape has no such features, as a cylinder and a plane.
-
-    Examples
-    --------
-    >>> import dmoc
-    >>> world = dmoc.spatial.World()
-    >>> box, floor = dmoc.spatial.Box((2, 2, 2), at=(0, 0, 1.5)), dmoc.spatial.Plane()
-    >>> corners = dmoc.spatial.features(box)
-    >>> [float(world.distance(corners[k], floor)) for k in ("_1", "_8")]
-    [2.5, 0.5]
-    """
-    core = core_of(shape)
-    match core:
-        case Round():
-            ends = core.ends
-            balls = ends if core.radius == 0 else [Sphere(core.radius, end) for end in ends]
-            return dict(zip(("_a", "_b") if core.along else ("",), balls, strict=True))
-        case Block() | Cut():
-            return {f"_{k}": corner for k, corner in enumerate(core.corners, 1)}
-    raise ModelError(
-        f"{shown(shape)} has no corners or ends: expected a box, a capsule, a hull or a sphere."
-    )
-
-
-@public(ModelError)
-def edges(shape: Any) -> dict[str, Any]:
-    """The edges of a box or a hull, ``_1``, ``_2``, ...: two of them that cross have a distance
-    between their lines, which is smooth and negative where they overlap.
-
-    With the directions u, v, places a, b and sums o, p of the normals of the faces beside them, it
-    is s n . (b - a) of the unit vector n along u x v, with the sign s of n . (o - p).
-
-    Parameters
-    ----------
-    shape : shape in space
-        A box or a hull as it is in the world, ``body.carried(...)``.
-
-    Returns
-    -------
-    dict of str to shape
-        By the endings of their names; beside other shapes an edge is a segment.  Of a box the first
-        four are along x, at y and z with the signs ++, +-, -+ and --, then come those along y and
-        along z alike; of a hull they have the order of its ``edges``, pairs of its ``points``.
-
-    Raises
-    ------
-    ModelError
-        If the shape has no straight edges.
-
-    Examples
-    --------
-    >>> import dmoc
-    >>> world, turn = dmoc.spatial.World(), dmoc.attitude(axis=(0, 0, 1), angle=0.7)
-    >>> roof = [(-1, -1, 0), (-1, 1, 0), (-1, 0, 1), (1, -1, 0), (1, 1, 0), (1, 0, 1)]
-    >>> ridge = dmoc.spatial.edges(dmoc.spatial.Hull(roof))["_6"]
-    >>> keel = dmoc.spatial.edges(dmoc.spatial.Hull([(y, x, 3 - z) for x, y, z in roof]))["_6"]
-    >>> float(world.distance(ridge, keel))
-    1.0
-    """
-    core = core_of(shape)
-    if not isinstance(core, Block | Cut):
-        raise ModelError(
-            f"{shown(shape)} has no straight edges: expected a box or a hull; the side of a "
-            "cylinder is that of a Capsule of its radius and length."
-        )
-    pairs = zip(core.edges, core.outward, strict=True)
-    own = [Edge(e.at, e.along, e.half, e.radius, out) for e, out in pairs]
-    return {f"_{k}": edge for k, edge in enumerate(own, 1)}
-
-
-@public(ModelError)
-def faces(shape: Any) -> dict[str, Plane]:
-    """The faces of a box, a hull or a cylinder, ``_1``, ``_2``, ...: planes, from which other
-    shapes have smooth distances.
-
-    Parameters
-    ----------
-    shape : shape in space
-        As it is in the world, ``body.carried(...)``.
-
-    Returns
-    -------
-    dict of str to Plane
-        By the endings of their names; each is taken as a plane without an end.  Those of a box look
-        along x, -x, y, -y, z and -z, of a cylinder along z and -z, of a hull in the order of its
-        ``faces``.
-
-    Raises
-    ------
-    ModelError
-        If the shape has no flat faces.
-
-    Examples
-    --------
-    >>> import dmoc
-    >>> world = dmoc.spatial.World()
-    >>> lid = dmoc.spatial.faces(dmoc.spatial.Cylinder(0.5, 2.0))["_1"]
-    >>> float(world.distance((0.2, 0, 1.7), lid))
-    0.7
-    """
-    core = core_of(shape)
-    if isinstance(core, Drum):
-        ways = [times(sign, core.along) for sign in (1, -1)]
-        own = [(n, added(core.at, times(core.half, n))) for n in ways]
-    elif isinstance(core, Block | Cut):
-        own = list(core.faces)
-    else:
-        raise ModelError(f"{shown(shape)} has no flat faces: expected a box, a cylinder or a hull.")
-    return {f"_{k}": Plane(at, normal) for k, (normal, at) in enumerate(own, 1)}
-
-
 def carried_shape(shape: Any, point: Moved, turned: Moved, body: str) -> Any:
     """A shape in the frame of a body as one in the world."""
     if isinstance(shape, Hull):
@@ -192,6 +61,15 @@ def carried_shape(shape: Any, point: Moved, turned: Moved, body: str) -> Any:
 
 def _between(a: Core, b: Core, define: Define) -> Any:
     match a, b:
+        case (Rim(), Rim() | Round()):
+            return from_rim(a, b, define)
+        case (Round(), Rim()):
+            return _between(b, a, define)
+        case (Rim(), _) | (_, Rim()):
+            raise ModelError(
+                "a rim has a distance from other rims, edges, spheres, capsules, points and "
+                "planes: take edges or faces of the other shape, or the whole cylinder."
+            )
         case (Edge(), Edge()):
             return define(_across(a, b, define))
         case (Round(), Round()):
@@ -221,6 +99,9 @@ def _lowest(core: Core, n: Vector, define: Define) -> Any:
     match core:
         case Round():
             return _span(core, n, define)[0] - core.radius
+        case Rim():
+            slope = define(dot(n, core.along))
+            return dot(n, core.at) - core.radius * define(_root(1 - slope**2))
         case Drum():
             slope = define(dot(n, core.along))
             reach = core.half * sp.Abs(slope) + core.radius * _root(1 - slope**2)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Operand: TypeAlias = "GraphNode | float"
 
-NUMBER, SYMBOL, SUM, PRODUCT, CALL, CHOICE, RELATION, JUNCTION, RESULT = range(9)
+NUMBER, SYMBOL, SUM, PRODUCT, CALL, CHOICE, RELATION, JUNCTION, RESULT, CALLED = range(10)
 NUMBER_OF = attrgetter("number")
 
 
@@ -34,9 +34,10 @@ class GraphNode:
 
     ``kind`` says what ``parts`` are: of a sum (node, coefficient), of a product (node, exponent),
     of a call its arguments, of a choice values and conditions in turn and the value otherwise, of
-    a relation its sides, of a junction conditions, of a result the arguments of its function.
-    ``value`` is the number, the constant of a sum, the name of a symbol, function, relation or
-    junction, or which derivative of which function a result is.
+    a relation its sides, of a junction conditions, of a result the arguments of its function, as of
+    a function that is called (:mod:`dmoc.symbolic.called`).  ``value`` is the number, the constant
+    of a sum, the name of a symbol, function, relation or junction, which derivative of which
+    function a result is, or the function that is called.
     """
 
     __slots__ = (
@@ -151,6 +152,8 @@ class GraphNode:
             function, path = self.value
             for i, argument in enumerate(self.parts):
                 yield argument, g.result(function, tuple(sorted((*path, i))), self.parts)
+        elif self.kind == CALLED:
+            yield from zip(self.parts, self.value.slopes(self), strict=True)
         elif self.kind == CHOICE:
             for i in range(0, len(self.parts), 2):
                 picked = [part if j % 2 else g.zero for j, part in enumerate(self.parts)]
@@ -163,6 +166,7 @@ class Graph:
     """The nodes of expressions that belong together."""
 
     symbols: list[GraphNode] = field(default_factory=list)
+    called: dict[Any, Any] = field(default_factory=dict)  # functions by what they are made of
     _nodes: dict[tuple[Any, ...], GraphNode] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

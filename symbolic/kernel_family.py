@@ -145,12 +145,14 @@ def _are_blocks(results: Sequence[GraphNode], entries: int) -> bool:
 
 
 def contracted(total: GraphNode) -> GraphNode:
-    """The same sum, linear in the slopes of functions: their weighted sum is a function of its own,
-    which has second derivatives where its parts had third ones."""
+    """The same sum, where it is linear in the slopes of functions: their weighted sum is a function
+    of its own, which has second derivatives where its parts had third ones."""
     results = [n for n in reached([total]) if n.kind == RESULT]
     if not results:
         return total
     weights = dict(zip(results, reverse(total, results), strict=True))
+    if any(n.kind == RESULT for n in reached(weights.values())):
+        return total
     g = total.graph
     terms = [(total.subs(dict.fromkeys(results, g.zero)), 1.0)]
     for function, arguments in dict.fromkeys((n.value[0], n.parts) for n in results):

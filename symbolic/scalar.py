@@ -46,3 +46,18 @@ class Scalar:
         for i in path[1:]:
             node = node.diff(self.symbols[i])
         return node
+
+
+@dataclass(frozen=True)
+class Stationary(Scalar):
+    """A function whose value does not change where a node of it does, as the angle at which it is
+    least: its slopes are those at that angle."""
+
+    at: GraphNode = field(kw_only=True)
+
+    @cached_property
+    def slopes(self) -> list[GraphNode]:
+        g = self.body.graph
+        still = g.symbol(f"{self.name}_at")
+        slopes = reverse(self.body.subs({self.at: still}), self.symbols)
+        return [slope.subs({still: self.at}) for slope in slopes]

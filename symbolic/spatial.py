@@ -31,11 +31,12 @@ from dmoc.base.names import check_name
 from dmoc.base.signatures import public
 from dmoc.symbolic.bodies import Body as Body
 from dmoc.symbolic.distances import distance_of
-from dmoc.symbolic.distances import edges as edges
-from dmoc.symbolic.distances import faces as faces
-from dmoc.symbolic.distances import features as features
 from dmoc.symbolic.drawing import Part
 from dmoc.symbolic.expressions import expression_in
+from dmoc.symbolic.features import edges as edges
+from dmoc.symbolic.features import faces as faces
+from dmoc.symbolic.features import features as features
+from dmoc.symbolic.features import rims as rims
 from dmoc.symbolic.hulls import Hull as Hull
 from dmoc.symbolic.joints import ORIGIN, Hinge
 from dmoc.symbolic.linkage import Ground, Linkage, coordinates
@@ -166,7 +167,7 @@ class World(Body, Ground):
         D. Manocha, "OBBTree", SIGGRAPH 1996.
 
         Where the nearest points jump, as on parallel segments or faces, the distance has a kink:
-        state a surface for each of :func:`~dmoc.symbolic.distances.features` there.
+        state a surface for each of :func:`~dmoc.symbolic.features.features` there.
 
         Examples
         --------

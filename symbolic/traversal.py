@@ -7,7 +7,17 @@ import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from dmoc.symbolic.graph import CALL, JUNCTION, NUMBER, PRODUCT, RELATION, SUM, SYMBOL, GraphNode
+from dmoc.symbolic.graph import (
+    CALL,
+    CALLED,
+    JUNCTION,
+    NUMBER,
+    PRODUCT,
+    RELATION,
+    SUM,
+    SYMBOL,
+    GraphNode,
+)
 
 CHILDREN_OF = operator.attrgetter("children")
 
@@ -74,6 +84,8 @@ def _value(node: GraphNode, parts: Sequence[Any], functions: Any) -> Any:
         return parts[0] ** parts[1]
     if node.kind == CALL:
         return getattr(functions, node.value)(*parts)
+    if node.kind == CALLED:
+        return node.value.at(parts)
     if node.kind == RELATION:
         return COMPARISONS[node.value](*parts)
     if node.kind == JUNCTION:

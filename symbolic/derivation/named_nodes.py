@@ -12,6 +12,7 @@ from dmoc.symbolic.derivation.document import Equation
 from dmoc.symbolic.derivation.symbols import DisplayNames, latex_symbol
 from dmoc.symbolic.graph import (
     CALL,
+    CALLED,
     CHOICE,
     JUNCTION,
     NUMBER,
@@ -83,6 +84,8 @@ def _expression(node: GraphNode, written: dict[GraphNode, Any]) -> Any:
     parts = [written[n] for n in node.parts]
     if node.kind == CALL:
         return parts[0] ** parts[1] if node.value == "pow" else getattr(sp, node.value)(*parts)
+    if node.kind == CALLED:
+        return sp.Function(node.value.name)(*parts)
     if node.kind == CHOICE:
         pairs = zip(parts[:-1:2], parts[1::2], strict=True)
         return sp.Piecewise(*pairs, (parts[-1], True))
