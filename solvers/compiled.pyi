@@ -42,6 +42,7 @@ def interior_points(
     size: Array,
     stretch: Array,
     mu: Array,
+    hurried: Ints,
     x: Array,
     y: Array,
     z_lower: Array,

@@ -50,6 +50,7 @@ cdef extern from "interior_point.h" nogil:
         int count
         const double *size
         const double *mu
+        const int *hurried
         double *x
         double *y
         double *z_lower
@@ -178,7 +179,7 @@ cdef double _NONE = 0.0
 
 
 def interior_points(
-    program, layout, double[:, ::1] size, double[::1] stretch, double[::1] mu,
+    program, layout, double[:, ::1] size, double[::1] stretch, double[::1] mu, int[::1] hurried,
     double[:, ::1] x, double[:, ::1] y, double[:, ::1] z_lower, double[:, ::1] z_upper,
     int[::1] status, int[::1] iterations, int[::1] turn, int[::1] stop, *, double optimality,
     double demanded, double violation, double least_cost, double infeasible, int most,
@@ -187,6 +188,8 @@ def interior_points(
     """Minimise from rows of x, in place, without multipliers, in as many threads as call it with
     programs of their own and the same arrays; nothing of Python is between two of them.
 
+    Rows with a number other than 0 in ``hurried`` are given up where they come no nearer to a
+    motion: they end at a limit of iterations, before that.
     ``turn`` counts the rows that have been taken; what is stored in ``stop`` ends all.  ``status``
     and ``iterations`` stay as they were where there was no time.
     """
@@ -199,6 +202,7 @@ def interior_points(
     cdef double *stretches = _numbers(stretch, c.n, "stretch", &_NONE)
     starts.count = count
     starts.size, starts.mu = _rows(size, count, c.n, "size"), _numbers(mu, count, "mu", &_NONE)
+    starts.hurried = _indices(hurried, count, "hurried")
     starts.x, starts.y = _rows(x, count, c.n, "x"), _rows(y, count, c.m, "y")
     starts.z_lower = _rows(z_lower, count, c.n, "z_lower")
     starts.z_upper = _rows(z_upper, count, c.n, "z_upper")

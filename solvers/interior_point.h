@@ -91,6 +91,8 @@ double dmoc_clock(void);
 typedef struct {
     int count;
     const double *size, *mu;           /* rows of n, and one number each */
+    const int *hurried;                /* whether each is given up, as at its limit of iterations,
+                                          where it comes no nearer to a motion */
     double *x, *y, *z_lower, *z_upper; /* rows of n, y of m */
     int *status, *iterations;          /* as they were where there was no time */
     int *turn;                         /* the start that is next, in whatever thread */

@@ -48,11 +48,16 @@ def solve_ipm(
 
 
 def solve_starts(
-    pool: Executor, programs: Sequence[Transcription], points: Sequence[Array], options: Options
+    pool: Executor,
+    programs: Sequence[Transcription],
+    points: Sequence[Array],
+    options: Options,
+    hurried: Sequence[bool] = (),
 ) -> list[Ending]:
     """Minimise from scaled points, shape (n,) each, in as many threads of a pool as there are
     programs, which are equal. Returns the endings in their order, as many as there is time for,
-    whatever the number of threads."""
+    whatever the number of threads. Those that are ``hurried`` end at a limit of iterations, before
+    that of the options, where they come no nearer to a motion."""
     nlp, count = programs[0], len(points)
     x = np.clip(np.reshape(points, (count, nlp.n)), nlp.lower, nlp.upper)
     y, z_lower, z_upper = np.zeros((count, nlp.n_eq + nlp.n_in)), np.zeros_like(x), np.zeros_like(x)
@@ -60,7 +65,9 @@ def solve_starts(
     turn, stop = np.zeros(1, np.intc), np.zeros(1, np.intc)
     costs = np.array([nlp.program.values(at)[0] for at in x])
     size, mu = sizes(nlp, x), np.maximum(COLD * np.abs(costs), LEAST)
-    arrays = (size, stretches(nlp), mu, x, y, z_lower, z_upper, status, iterations, turn, stop)
+    in_a_hurry = np.array(hurried or [False] * count, np.intc)
+    numbers, ends = (size, stretches(nlp), mu, in_a_hurry), (x, y, z_lower, z_upper)
+    arrays = (*numbers, *ends, status, iterations, turn, stop)
 
     def each(own: Transcription) -> None:
         with np.errstate(all="ignore"):  # each thread has its own

@@ -32,15 +32,18 @@ def free_threads() -> int:
     return min(len(os.sched_getaffinity(0)), MOST_THREADS)
 
 
-def attempts_from(programs: Programs, points: Sequence[Array], options: Options) -> list[Attempt]:
+def attempts_from(
+    programs: Programs, points: Sequence[Array], options: Options, hurried: Sequence[bool] = ()
+) -> list[Attempt]:
     """Attempts from some points in units of the problem, in their order, as many as there is time
-    for, in as many threads as are free; an interrupted solve raises KeyboardInterrupt."""
+    for, in as many threads as are free; an interrupted solve raises KeyboardInterrupt.  Those that
+    are hurried are given up where they come no nearer to a motion."""
     nlp, count = programs.program(), max(1, min(free_threads(), len(points)))
     each, stopped = [programs, *(programs.beside() for _ in range(1, count))], threading.Event()
     with ThreadPoolExecutor(count) as pool:
         try:
             own = [programs.program() for programs in each]
-            endings = solve_starts(pool, own, [*map(nlp.scaled, points)], options)
+            endings = solve_starts(pool, own, [*map(nlp.scaled, points)], options, hurried)
 
             def settled(k: int) -> list[Attempt]:
                 with np.errstate(all="ignore"):

@@ -63,6 +63,7 @@ class Rounds:
     natural: float
     programs: Programs
     named: dict[str, Array]  # starts that are not random
+    given: tuple[str, ...]  # those of them that are tried to the end
     minima: list[Basin]
     starts: list[Start]
     random: int = 0  # motions of each kind so far
@@ -94,8 +95,9 @@ class Rounds:
         programs = Programs(coarse, scale_of(coarse, next(iter(named.values()))))
         natural = natural_time(coarse)
         return cls(
-            refinements, effort, few, seeking, coarse, guesses, natural, programs, named, [], []
-        )
+            refinements, effort, few, seeking, coarse, guesses, natural, programs, named,
+            tuple(points), [], [],
+        )  # fmt: skip
 
     def run(self) -> None:
         """Try starts until there are enough, or no time for more."""
@@ -142,7 +144,9 @@ class Rounds:
             named |= {f"neighbour {k + 1}": x_k for k, x_k in zip(at, around, strict=True)}
         self.random, self.beside, self.named = numbers.stop, self.beside + beside, {}
         latest = self.options.deadline if self.minima else self.seeking
-        attempts = _attempts(self.programs, list(named.values()), self.options, latest)
+        hurried = [name not in self.given for name in named]
+        points, met = list(named.values()), bool(self.minima)
+        attempts = _attempts(self.programs, points, self.options, latest, hurried, met)
         for place, (name, attempt) in enumerate(zip(named, attempts, strict=False)):
             self.starts.append(_start(name, attempt))
             best = self.minima[0] if self.minima else None
@@ -181,18 +185,40 @@ class Rounds:
 
 
 def _attempts(
-    programs: Programs, points: Sequence[Array], options: Options, latest: Deadline
+    programs: Programs,
+    points: Sequence[Array],
+    options: Options,
+    latest: Deadline,
+    hurried: Sequence[bool],
+    met: bool,
 ) -> list[Attempt]:
     """Attempts from some points in their order, as many as there is time for; until a later
-    deadline those that follow, as long as none is solved."""
-    attempts = attempts_from(programs, points, options)
+    deadline those that follow, as long as none is solved.  Those in a hurry that were given up are
+    tried to the end where none is solved, and no minimum was met before."""
+    attempts = attempts_from(programs, points, options, hurried)
+    if not met and not _lead_on(attempts):
+        again = [k for k, attempt in enumerate(attempts) if _given_up(attempt, options)]
+        ends = attempts_from(programs, [points[k] for k in again], options) if again else []
+        for k, end in zip(again, ends, strict=False):
+            attempts[k] = end
     later, at_once = replace(options, deadline=latest), free_threads()
     while len(attempts) < len(points) and not latest.passed:
-        if any(attempt.status is Status.SOLVED for attempt in attempts):
+        if _lead_on(attempts):
             break
         some = points[len(attempts) : len(attempts) + at_once]
         attempts += attempts_from(programs, some, later)
     return attempts
+
+
+def _lead_on(attempts: Sequence[Attempt]) -> bool:
+    """Whether one of some attempts is solved."""
+    return any(attempt.status is Status.SOLVED for attempt in attempts)
+
+
+def _given_up(attempt: Attempt, options: Options) -> bool:
+    """Whether an attempt has ended before its limit of iterations, as at it."""
+    outcome = attempt.outcome
+    return attempt.status is Status.ITERATION_LIMIT and outcome.iterations < options.iterations
 
 
 def _start(name: str, attempt: Attempt) -> Start:

@@ -204,9 +204,10 @@ static int the_same_twice(const dmoc_program *p, const dmoc_kkt *k, const dmoc_o
     const double mu[] = {o->mu, o->mu};
     double *many = two_of(x, p->n), *sizes = two_of(size, p->n), *y = two_of(none, p->m);
     double *lower = two_of(none, p->n), *upper = two_of(none, p->n);
+    const int hurried[] = {0, 0};
     int status[] = {-1, -1}, iterations[] = {0, 0}, turn = 0, stop = 0;
     const dmoc_starts starts = {
-        2, sizes, mu, many, y, lower, upper, status, iterations, &turn, &stop,
+        2, sizes, mu, hurried, many, y, lower, upper, status, iterations, &turn, &stop,
     };
     dmoc_ldl *analysed = dmoc_ldl_new(k->size, k->pivots, k->first, k->start, k->row);
     int same = analysed != NULL;

@@ -39,16 +39,17 @@ def test_a_wrong_size_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("wrong", ["size", "mu", "x", "y", "status", "turn", "stop"])
+@pytest.mark.parametrize("wrong", ["size", "mu", "hurried", "x", "y", "status", "turn", "stop"])
 def test_a_wrong_size_of_several_starts_is_refused_by_name(seed: dmoc.Problem, wrong: str) -> None:
-    nlp, counted = Transcription(seed.but(steps=4)), ("status", "iterations", "turn", "stop")
+    nlp = Transcription(seed.but(steps=4))
+    counted = ("hurried", "status", "iterations", "turn", "stop")
     row, m = np.ones((2, nlp.n)), nlp.n_eq + nlp.n_in
     arrays = dict.fromkeys(ARRAYS, row) | {
         "stretch": row[0],
         "mu": np.ones(2),
         "y": np.ones((2, m)),
     }
-    arrays |= {name: np.zeros(2 if name in counted[:2] else 1, np.intc) for name in counted}
+    arrays |= {name: np.zeros(2 if name in counted[:3] else 1, np.intc) for name in counted}
     arrays[wrong] = arrays[wrong][..., :0].copy()
     with pytest.raises(ValueError, match=f"^{wrong}: expected"):
         interior_points(

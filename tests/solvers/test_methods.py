@@ -68,6 +68,36 @@ def test_starts_end_the_same_in_any_number_of_threads(seed: dmoc.Problem) -> Non
     assert len(rooms) == len(set(map(id, rooms))) <= 3
 
 
+def test_a_start_in_a_hurry_is_given_up_where_its_violation_does_not_fall(
+    seed: dmoc.Problem,
+) -> None:
+    """Above a tenth, to four fifths of the least one of eight iterations before; those that are not
+    in a hurry, and those whose violation falls, end as alone."""
+    nlp, shifts = Transcription(seed.but(steps=12)), np.random.default_rng(3)
+    guess = nlp.scaled(initial_guesses(nlp.problem)[0].x)
+    points = [guess + shifts.normal(0, 0.15 * (k % 4), nlp.n) for k in range(16)]
+    told = list[tuple[Status, int, bool]]()
+    for x in points:
+        violation = list[float]()
+        options = Options(iterations=40, progress=lambda i, v=violation: v.append(i.violation))
+        end = ipm.solve_ipm(nlp, x, options)
+        least = np.minimum.accumulate(violation)
+        stays = (least[8:] > 0.1) & (least[8:] > 0.8 * least[:-8])
+        first = int(np.argmax(stays)) + 9 if stays.any() else end.iterations
+        told.append((Status.ITERATION_LIMIT if stays.any() else end.status, first, stays.any()))
+    hurried = [k % 2 == 1 for k in range(16)]
+    with ThreadPoolExecutor(2) as pool:
+        few, programs = Options(iterations=40), [nlp, nlp.beside()]
+        every = ipm.solve_starts(pool, programs, points, few, [True] * 16)
+        some = ipm.solve_starts(pool, programs, points, few, hurried)
+        plain = ipm.solve_starts(pool, programs, points, few)
+    assert [(end.status, end.iterations) for end in every] == [one[:2] for one in told]
+    given_up = [k for k, one in enumerate(told) if one[2]]
+    assert {told[k][1] for k in given_up} > {9} and 4 <= len(given_up) <= 12
+    for k, (end, one, other) in enumerate(zip(some, every, plain, strict=True)):
+        assert end.iterations == (one if hurried[k] else other).iterations
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", SPARSE)
 @pytest.mark.parametrize("name", ["block", "puck", "seed"])

@@ -135,7 +135,7 @@ def test_starts_go_on_until_one_leads_to_a_motion(
 ) -> None:
     count, real = 0, rounds.attempts_from
 
-    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+    def slow(programs: Any, points: Any, options: Options, *_: Any) -> list[Attempt]:
         nonlocal count
         attempts = list[Attempt]()
         for x in points:
@@ -159,7 +159,7 @@ def test_the_time_that_is_left_after_an_answer_has_further_starts(
     """Each start takes 2 of 30 s, nothing else takes any; a batch has its limit in common."""
     real = rounds.attempts_from
 
-    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+    def slow(programs: Any, points: Any, options: Options, *_: Any) -> list[Attempt]:
         some = points[: math.ceil(options.deadline.left / 2)]
         now[0] += 2.0 * len(some)
         return real(programs, some, replace(options, deadline=ENDLESS))
@@ -177,7 +177,7 @@ def test_a_time_limit_is_told_where_it_is_used_up(
     """With half a newton there is no motion; each start that says so takes 2 s."""
     real = rounds.attempts_from
 
-    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+    def slow(programs: Any, points: Any, options: Options, *_: Any) -> list[Attempt]:
         some = points[: max(0, math.ceil(options.deadline.left / 2))]
         now[0] += 2.0 * len(some)
         return real(programs, some, replace(options, deadline=ENDLESS)) if some else []

@@ -62,7 +62,7 @@ def test_another_order_is_tried_after_a_third_of_the_time(
     the starts go on."""
     real, now, orders = rounds.attempts_from, [100.0], list[int]()
 
-    def slow(programs: Any, points: Any, options: Options) -> list[Attempt]:
+    def slow(programs: Any, points: Any, options: Options, *_: Any) -> list[Attempt]:
         order = programs.problem.order
         some = list(points)
         if seconds and order == 4:

@@ -67,6 +67,51 @@ def test_without_a_minimum_there_are_no_neighbours(monkeypatch: pytest.MonkeyPat
     assert found.minima and found._next() == (0, 6)
 
 
+@pytest.mark.parametrize("met, leads", [(False, False), (False, True), (True, False)])
+def test_starts_that_were_given_up_go_on_where_nothing_leads_to_a_motion(
+    monkeypatch: pytest.MonkeyPatch, met: bool, leads: bool
+) -> None:
+    """Of three one is given up, and one ends at the limit of iterations."""
+    found, tried, real = search(double_integrator(8)), list[tuple[int, Any]](), rounds.attempts_from
+
+    def hasty(programs: Any, points: Any, options: Any, hurried: Any = ()) -> list[Attempt]:
+        tried.append((len(points), list(hurried)))
+        solved = real(programs, points, options)
+        if not any(hurried):
+            return solved
+        late = Status.ITERATION_LIMIT
+        first = solved[0] if leads else solved[0].ending(Status.STALLED)
+        counts = (9, options.iterations)
+        return [
+            first,
+            *(a.ending(late).counting(n) for a, n in zip(solved[1:], counts, strict=True)),
+        ]
+
+    monkeypatch.setattr(rounds, "attempts_from", hasty)
+    x, now = found.guesses[0], found.options
+    ends = rounds._attempts(found.programs, [x, x, x], now, ENDLESS, [True] * 3, met)
+    again = not (met or leads)
+    assert tried == [(3, [True] * 3), (1, [])][: 1 + again]
+    assert [end.status is Status.SOLVED for end in ends] == [leads, again, False]
+
+
+def test_all_but_a_guess_that_is_given_are_in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    hasty, solve = list[Any](), rounds._attempts
+
+    def attempts(*arguments: Any) -> list[Attempt]:
+        hasty.append(arguments[4:])
+        return solve(*arguments)
+
+    monkeypatch.setattr(rounds, "_attempts", attempts)
+    problem = double_integrator(8)
+    given = {"given": search(problem).guesses[0]}
+    found = Rounds.begun(Refinements(problem), problem, EFFORT, Options(), ENDLESS, given)
+    found._round(2, 0)
+    found._round(0, 2)
+    assert names(found)[:2] == ["given", "automatic"]
+    assert hasty == [([False, True, True, True], False), ([True, True], True)]
+
+
 def test_there_are_no_more_than_the_most() -> None:
     found = search(double_integrator(30), replace(EFFORT, most=11))
     found._round(*found._next())
