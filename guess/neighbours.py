@@ -39,42 +39,49 @@ def neighbours(
     shape (len(numbers), n); half of them at least are beside the first three. ``amplitude`` is a
     factor of the usual ones."""
     lay = Layout.of(problem)
-    x = np.empty((len(numbers), lay.size))
-    for row, k in enumerate(numbers):
-        rng = np.random.default_rng([seed, k, BESIDE])
-        rank = min(int(rng.exponential(RANK)), len(motions) - 1)
-        least, largest, spread = KINDS[k % len(KINDS)]
-        size = amplitude * least * (largest / least) ** rng.random()
-        x[row] = shaken(problem, lay, motions[rank], rng, size, spread)
+    rngs = [np.random.default_rng([seed, k, BESIDE]) for k in numbers]
+    ranks = [min(int(rng.exponential(RANK)), len(motions) - 1) for rng in rngs]
+    least, largest, spreads = np.array([KINDS[k % len(KINDS)] for k in numbers]).reshape(-1, 3).T
+    share = np.array([rng.random() for rng in rngs])
+    sizes = amplitude * least * (largest / least) ** share
+    x = np.array([motions[rank] for rank in ranks]).reshape(-1, lay.size)
     with np.errstate(all="ignore"):
-        return all_in_contact(problem, x)
+        return all_in_contact(problem, shaken(problem, lay, x, rngs, sizes, spreads))
 
 
 def shaken(
-    problem: Problem, lay: Layout, x: Array, rng: np.random.Generator, size: float, spread: float
+    problem: Problem,
+    lay: Layout,
+    x: Array,
+    rngs: Sequence[np.random.Generator],
+    sizes: Array,
+    spreads: Array,
 ) -> Array:
-    """Unknowns of a motion with waves of a size in reaches, ends that are open moved as far, and
-    durations whose logarithms have a spread, within the bounds of times."""
-    x = x.copy()
-    m = np.pi * np.arange(1, WAVES + 1)
-    waves = rng.standard_normal((WAVES, lay.nq)) * size * problem.reach / (m / np.pi)[:, None]
-    ends = rng.standard_normal((2, lay.nq)) * size * problem.reach
-    for end, bounds in zip(ends, (problem.start_bounds, problem.goal_bounds), strict=True):
-        end[bounds.position[:, 0] == bounds.position[:, 1]] = 0.0
+    """Unknowns of motions, shape (count, n), with waves of sizes in reaches, ends that are open
+    moved as far, and durations whose logarithms have spreads, within the bounds of times."""
+    x, m = x.copy(), np.arange(1, WAVES + 1)
+    reach = sizes[:, None, None] * problem.reach
+    waves = np.array([rng.standard_normal((WAVES, lay.nq)) for rng in rngs]) * reach / m[:, None]
+    ends = np.array([rng.standard_normal((2, lay.nq)) for rng in rngs]) * reach
+    longer = np.array([rng.standard_normal(lay.phases) for rng in rngs])
+    for k, bounds in enumerate((problem.start_bounds, problem.goal_bounds)):
+        ends[:, k, bounds.position[:, 0] == bounds.position[:, 1]] = 0.0
     s = np.arange(lay.total + 1)[:, None] / lay.total
     inside = lay.scheme.within(s[:-1], s[1:]).reshape(-1, 1)
 
     def away(s: Array) -> Array:
-        return np.asarray(np.sin(s * m) @ waves + np.hstack([1 - s, s]) @ ends)
+        return np.asarray(np.sin(np.pi * s * m) @ waves + np.hstack([1 - s, s]) @ ends)
 
-    x[lay.index_q] += away(s)
-    x[lay.index_q_i] += away(inside).reshape(lay.total, -1)
-    durations = lay.durations(x) * np.exp(spread * rng.standard_normal(lay.phases))
+    x[:, lay.index_q] += away(s)
+    x[:, lay.index_q_i] += away(inside).reshape(len(x), lay.total, -1)
+    before = lay.durations(x)
+    durations = before * np.exp(spreads[:, None] * longer)
     low, high = problem.final_time_bounds
-    total = float(durations.sum())
+    total = durations.sum(axis=1, keepdims=True)
     # Where nothing limits the time, the cheaper motions are sometimes the longer ones, without end.
-    most = high if np.isfinite(high) else float(lay.durations(x).sum())
-    durations *= min(max(total, low), most) / total
-    x[lay.index_h] = lay.step_sizes(np.clip(durations, *problem.duration_bounds.T))
-    lay.put_times(x)
+    most = high if np.isfinite(high) else before.sum(axis=1, keepdims=True)
+    durations *= np.minimum(np.maximum(total, low), most) / total
+    x[:, lay.index_h] = lay.step_sizes(np.clip(durations, *problem.duration_bounds.T))
+    for row in x if lay.timed or lay.index_t_i.size else ():
+        lay.put_times(row)
     return x

@@ -129,7 +129,8 @@ def kinds_of(numbers: Sequence[int], in_turn: Sequence[int] = IN_TURN) -> NDArra
 def _shaken(problem: Problem, lay: Layout, guess: Array, rng: np.random.Generator) -> Array:
     """A guess with waves, other durations and less of its inputs."""
     size = SMALLEST * (LARGEST / SMALLEST) ** rng.random()
-    x = shaken(problem, lay, guess, rng, size, SHAKE)
+    sizes, spreads = np.array([size]), np.array([SHAKE])
+    x: Array = shaken(problem, lay, guess[None], [rng], sizes, spreads)[0]
     x[lay.index_design] = problem.design_values
     x[lay.index_u] *= rng.uniform(-1, 1)
     return x

@@ -319,8 +319,10 @@ class Layout(Unknowns):
         return self.index_t[:, None] if self.timed else np.full((self.total + 1, 1), NOWHERE)
 
     def durations(self, x: Array) -> Array:
-        """Durations of the phases, shape (phases,)."""
-        return np.append(x[self.index_h], np.zeros(self.phases - self.stepped)) * self.steps
+        """Durations of the phases, shape (..., phases), of unknowns of shape (..., n)."""
+        h = x[..., self.index_h]
+        none = np.zeros((*h.shape[:-1], self.phases - self.stepped))
+        return np.concatenate([h, none], axis=-1) * self.steps
 
     def step_sizes(self, durations: Array) -> Array:
         """Step sizes of the phases that have steps, shape (..., phases with steps), from durations

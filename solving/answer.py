@@ -16,7 +16,13 @@ from dmoc.solving.checked_solution import checked
 from dmoc.solving.indeterminacy import telling, undetermined
 from dmoc.solving.mesh.coarseness import telling_coarseness
 from dmoc.solving.mesh.confirmation import naming_steps
-from dmoc.solving.mesh.one_mesh import answers_on_mesh, on_mesh_of, solved_from, solved_on_mesh
+from dmoc.solving.mesh.one_mesh import (
+    MeshAnswer,
+    answers_on_mesh,
+    on_mesh_of,
+    solved_from,
+    solved_on_mesh,
+)
 from dmoc.solving.mesh.refinement import refined
 from dmoc.solving.request import Request
 from dmoc.solving.sliding_reversals import naming_turns
@@ -62,18 +68,19 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
     try:
         answer = _told(best, case)
         answer = saying(answer, without) if without and not answer.minimum else answer
-        for other in filter(None, answers) if request.thorough else ():
-            told = _told(other, case)
+        for later in filter(None, answers) if request.thorough else ():
+            told = _told(later, case)
             if told.minimum and not (answer.minimum and answer.cost < told.cost):
                 answer = told
         return answer
     except KeyboardInterrupt:
-        return broken_off(answer or best)
+        return broken_off(answer or best.solution)
 
 
-def _told(best: Solution, case: Case) -> Solution:
+def _told(best: MeshAnswer, case: Case) -> Solution:
     """What all critics make of the best solution on the first mesh."""
-    return reduce(lambda answer, critic: critic(answer, case), CRITICS, best)
+    case = replace(case, coarse=best.coarse)
+    return reduce(lambda answer, critic: critic(answer, case), CRITICS, best.solution)
 
 
 def _leaving_open(answer: Solution, case: Case) -> Solution:

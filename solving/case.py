@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from dmoc.base.records import record
 from dmoc.problem.problem import Problem
-from dmoc.results.solution import Solution
+from dmoc.results.solution import Minimum, Solution
 from dmoc.solvers.outcome import Status
 from dmoc.solving.mesh.one_mesh import answers_on_mesh, best_on_mesh, solved_from
 from dmoc.solving.request import Request
@@ -20,13 +20,14 @@ FEW = 16
 
 @record(frozen=True, eq=False)
 class Case:
-    """A problem, the guess that came with it, and what is asked for: of the answer, and of its
-    first mesh."""
+    """A problem, the guess that came with it, what is asked for, of the answer and of its first
+    mesh, and the answer's minimum on the coarse mesh of its starts."""
 
     problem: Problem
     guess: InitialGuess
     request: Request
     of_mesh: Request
+    coarse: Minimum | None = None
 
     def along(self, problem: Problem, motion: Solution, verify: bool = False) -> Solution:
         """Another problem solved from a motion."""
@@ -40,8 +41,8 @@ class Case:
     def led(self, problem: Problem) -> Solution | None:
         """Another problem solved from few starts of its own; None where none leads to a motion, of
         which it is not asked what stands against it."""
-        solution = next(answers_on_mesh(problem, None, self._few()))
-        return solution and _finished(solution)
+        answer = next(answers_on_mesh(problem, None, self._few()))
+        return _finished(answer.solution) if answer else None
 
     def _few(self) -> Request:
         return replace(self.request.compiled(), starts=FEW, thorough=False)

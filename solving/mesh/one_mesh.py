@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dmoc.base.deadline import Deadline
+from dmoc.base.records import record
 from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
 from dmoc.program.scaling import scale_of
-from dmoc.results.solution import Solution, broken_off, saying
+from dmoc.results.solution import Minimum, Solution, broken_off, saying
 from dmoc.solvers.outcome import Options, Status
 from dmoc.solving.attempts import attempted
 from dmoc.solving.checked_solution import checked, solution_of
@@ -34,19 +35,27 @@ BEFORE_OTHERS = 1 / 3
 OUT_OF_STARTS = "the time limit was used up before a start led to a motion: raise it"
 
 
+@record(frozen=True, eq=False)
+class MeshAnswer:
+    """The solution on one mesh, and its minimum on the coarse mesh of the starts that led to it."""
+
+    solution: Solution
+    coarse: Minimum | None = None
+
+
 def best_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> Solution:
     """Solve on one mesh, from the best of many starts or from a guess alone."""
-    return next(filter(None, answers_on_mesh(problem, guess, request)))
+    return next(filter(None, answers_on_mesh(problem, guess, request))).solution
 
 
 def answers_on_mesh(
     problem: Problem, guess: InitialGuess, request: Request
-) -> Iterator[Solution | None]:
+) -> Iterator[MeshAnswer | None]:
     """The solution on one mesh, and, if another one is asked for and there was no time for enough
     starts, that after more of them: until what is left takes the time that it has taken between
     the two, with a margin.  Where no start has led to a motion, None comes first."""
     if request.starts == 1 or not problem.kernels.compiled:
-        yield solved_on_mesh(problem, guess, request)
+        yield MeshAnswer(solved_on_mesh(problem, guess, request))
         return
     # here, because a solve from its guess alone needs none of it
     from dmoc.solving.multistart.effort import Effort
@@ -83,7 +92,7 @@ def _best_explored(
     request: Request,
     exploration: Exploration,
     seconds: float,
-) -> Solution:
+) -> MeshAnswer:
     """The solution from the best minimum of an exploration, which has taken some seconds."""
     spent = {"build": problem.kernels.seconds, "explore": seconds}
     answer, i = _best_of(problem, exploration.solutions, request)
@@ -95,8 +104,9 @@ def _best_explored(
     confirmed = [s for s in exploration.solutions if s.minimum]
     if answer.status is Status.NOT_VERIFIED and confirmed:
         answer = saying(answer, _cheapest(confirmed))
-    ranked = exploration.ranked[i].minimum if i < len(exploration.ranked) else None
-    return replace(
+    met = exploration.ranked[i] if i < len(exploration.ranked) else None
+    ranked = met.minimum if met else None
+    answer = replace(
         answer,
         starts=len(exploration.starts),
         agreeing_starts=ranked.starts if ranked else 0,
@@ -105,6 +115,7 @@ def _best_explored(
         others=exploration.others(i),
         seconds=spent | {"guess": 0.0, "solve": 0.0} | dict(answer.seconds),
     )
+    return MeshAnswer(answer, met.coarse.unrefined if met else None)
 
 
 def _cheapest(confirmed: Sequence[Solution]) -> str:

@@ -20,7 +20,7 @@ from dmoc.codegen.kernels import Array
 from dmoc.guess.transfer import on_mesh
 from dmoc.problem.problem import Problem
 from dmoc.results.solution import Minimum, Solution
-from dmoc.solvers.outcome import UNREFINED, Options
+from dmoc.solvers.outcome import Options
 from dmoc.solving.multistart.effort import Effort, met_by_cost, unseen_share
 from dmoc.solving.multistart.minima import Basin
 from dmoc.solving.multistart.ranking import Ranked, Refinements, ranked
@@ -65,7 +65,7 @@ class Exploration:
 
     def others(self, best: int) -> tuple[Minimum, ...]:
         """The minima other than the answer, the cheapest first."""
-        others = [Minimum(c.cost, c.starts, UNREFINED, c.problem.phase_steps) for c in self.coarse]
+        others = [basin.unrefined for basin in self.coarse]
         for i, r in enumerate(self.ranked):
             if i != best:
                 s = r.solution

@@ -11,7 +11,8 @@ from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
 from dmoc.problem.problem import Problem
-from dmoc.solvers.outcome import Status
+from dmoc.results.solution import Minimum
+from dmoc.solvers.outcome import UNREFINED, Status
 from dmoc.solving.attempts import Attempt
 
 # Relative differences of durations that belong to the same minimum, beside that of costs.
@@ -45,6 +46,11 @@ class Basin:
     def problem(self) -> Problem:
         """The problem on the mesh of the minimum."""
         return self.attempt.nlp.problem
+
+    @property
+    def unrefined(self) -> Minimum:
+        """What is known of it from its own mesh alone."""
+        return Minimum(self.cost, self.starts, UNREFINED, self.problem.phase_steps)
 
     @property
     def grazes(self) -> bool:

@@ -38,10 +38,11 @@ REFINING = 300
 
 @record(frozen=True, eq=False)
 class Ranked:
-    """A minimum on the ranking mesh, its solution, and its cost where the simulation confirms it:
-    there, or on a finer mesh."""
+    """A minimum on the ranking mesh and as starts have met it, its solution, and its cost where the
+    simulation confirms it: there, or on a finer mesh."""
 
     minimum: Basin
+    coarse: Basin
     solution: Solution
     cost: float
 
@@ -120,7 +121,7 @@ def ranked(
         s = solution_of(attempt, COMPILED_METHOD.name, {})
         if effort.verifies:
             new, s = _confirmed(new, checked(s), refinements.ways(coarse, options))
-        refined.append(Ranked(new, s, s.cost if s.minimum else np.inf))
+        refined.append(Ranked(new, coarse, s, s.cost if s.minimum else np.inf))
     good = [r for r in refined if r.solution.minimum]
     if effort.settles and good:
         best = min(good, key=Ranked.rank)

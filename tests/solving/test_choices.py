@@ -127,7 +127,7 @@ def test_a_collision_without_effect_ranks_behind_a_dearer_one_with_it() -> None:
     def ranked(status: Status, cost: float) -> Ranked:
         solution: Any = SimpleNamespace(status=status, cost=cost)
         minimum: Any = None
-        return Ranked(minimum, solution, cost)
+        return Ranked(minimum, minimum, solution, cost)
 
     best = sorted([ranked(Status.GRAZES, 1.0), ranked(Status.SOLVED, 2.0)], key=Ranked.rank)[0]
     assert best.solution.status is Status.SOLVED

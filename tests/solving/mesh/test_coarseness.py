@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ import dmoc
 from dmoc.codegen.kernels import Kernels
 from dmoc.problem import ranges
 from dmoc.results.notes import Topic
+from dmoc.results.solution import Minimum
+from dmoc.solving.case import Case
 from dmoc.solving.mesh import coarseness
 
 
@@ -47,3 +50,38 @@ def test_no_mesh_beyond_the_finest_one_is_looked_at(
         monkeypatch.setattr(module, "MOST_STEPS", 3)
     solution = answer_of(across(block, 2))
     assert solution.status == "solved" and not told(solution)
+
+
+@pytest.mark.parametrize("steps, looks", [(47, True), (48, False)])
+def test_a_finer_mesh_is_looked_at_where_that_of_the_starts_is_no_half_of_it(
+    block: Kernels, monkeypatch: pytest.MonkeyPatch, steps: int, looks: bool
+) -> None:
+    meshes, along = list[tuple[int, ...]](), Case.along
+
+    def counted(case: Case, problem: dmoc.Problem, motion: dmoc.Solution) -> dmoc.Solution:
+        meshes.append(problem.phase_steps)
+        return along(case, problem, motion)
+
+    monkeypatch.setattr(Case, "along", counted)
+    answer_of(across(block, steps))
+    assert meshes == [(2 * steps,)] * looks
+
+
+@pytest.mark.parametrize(
+    "steps, cost, same",
+    [
+        ((10, 20), 91.0, True),
+        ((10, 20), 109.0, True),
+        ((10, 20), 89.0, False),
+        ((10, 20), 111.0, False),
+        ((11, 20), 100.0, False),
+        ((10, 21), 100.0, False),
+        ((20,), 100.0, False),
+    ],
+)
+def test_a_cost_has_converged_where_half_of_the_steps_say_it_within_a_tenth(
+    steps: tuple[int, ...], cost: float, same: bool
+) -> None:
+    answer: Any = SimpleNamespace(steps=(20, 40), cost=100.0)
+    assert coarseness._converged(answer, Minimum(cost, 1, "coarse", steps)) is same
+    assert not coarseness._converged(answer, None)
