@@ -33,6 +33,10 @@ class Round:
     radius: Any
 
     @property
+    def axes(self) -> list[Vector]:
+        return self.directions
+
+    @property
     def sides(self) -> list[tuple[Vector, Any]]:
         return [] if self.along is None else [(self.along, self.half)]
 
@@ -84,6 +88,10 @@ class Drum:
     across: tuple[Vector, Vector]
 
     @property
+    def axes(self) -> tuple[Vector, ...]:
+        return *self.across, self.along
+
+    @property
     def rims(self) -> list[Rim]:
         ways = [times(sign, self.along) for sign in (1, -1)]
         return [Rim(added(self.at, times(self.half, n)), n, self.radius, self.across) for n in ways]
@@ -95,6 +103,10 @@ class Block:
 
     at: Vector
     sides: tuple[tuple[Vector, Any], ...]
+
+    @property
+    def axes(self) -> list[Vector]:
+        return self.normals
 
     @property
     def normals(self) -> list[Vector]:
@@ -143,13 +155,17 @@ class Cut:
     """What a few corners hold.
 
     Of each face there are the outward normal and a corner, and the outward normals of its sides in
-    its plane, each with a corner; of each edge the ends.
+    its plane, each with a corner; of each edge the ends.  ``own`` are corners, normals and edges in
+    its frame, at a place with three axes.
     """
 
     corners: tuple[Vector, ...]
     sided: tuple[tuple[Vector, Vector, tuple[tuple[Vector, Vector], ...]], ...]
     edges: tuple[Round, ...]
     outward: tuple[Vector, ...]
+    at: Vector
+    axes: tuple[Vector, ...]
+    own: Any  # corners, normals, edges with their directions, in its frame
 
     @property
     def normals(self) -> list[Vector]:
@@ -196,7 +212,7 @@ def core_of(shape: Any) -> Core | HalfSpace:
 
 def _cut(hull: Hull) -> Cut:
     own, turned, points = hull.points, hull.turned, hull.places
-    faces = []
+    faces, normals = [], []
     for turn in hull.faces:
         a, b, c = (own[i] for i in turn[:3])
         normal = unit(cross(_way(a, b), _way(b, c)))
@@ -205,6 +221,7 @@ def _cut(hull: Hull) -> Cut:
             outward = unit(cross(_way(own[i], own[j]), normal))
             sides.append((turned(outward), points[i]))
         faces.append((turned(normal), points[turn[0]], tuple(sides)))
+        normals.append(normal)
     edges = tuple(
         Round(
             times(sp.Rational(1, 2), added(points[i], points[j])),
@@ -217,7 +234,12 @@ def _cut(hull: Hull) -> Cut:
         added(*(n for (n, _, _), turn in zip(faces, hull.faces, strict=True) if {*ends} <= {*turn}))
         for ends in hull.edges
     )
-    return Cut(points, tuple(faces), edges, outward)
+    axes = tuple(turned(tuple(sp.Integer(i == k) for i in range(3))) for k in range(3))
+    inside = (own, tuple(normals), tuple(
+        (times(sp.Rational(1, 2), added(own[i], own[j])), unit(_way(own[i], own[j])))
+        for i, j in hull.edges
+    ))  # fmt: skip
+    return Cut(points, tuple(faces), edges, outward, hull.origin, axes, inside)
 
 
 def _way(a: Vector, b: Vector) -> Vector:

@@ -7,7 +7,6 @@ A shape is what lies within a radius of a point or a segment (spheres, capsules)
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
 from typing import Any
 
 import sympy as sp
@@ -17,6 +16,7 @@ from dmoc.base.errors import ModelError
 from dmoc.symbolic.cores import Block, Core, Cut, Drum, Edge, HalfSpace, Rim, Round, core_of
 from dmoc.symbolic.hulls import Hull, carried_hull
 from dmoc.symbolic.rims import from_rim
+from dmoc.symbolic.separation import PARALLEL, STEEP, gap_between
 from dmoc.symbolic.solids import Box, Capsule, Cylinder, Moved, Plane, Sphere, carried_solid
 from dmoc.symbolic.vectors import Vector, added, cross, dot, times
 
@@ -28,10 +28,6 @@ LEAST = sp.Float(1e-24)
 # By how much a distance from an edge or a corner is too small, so that it does not hide one from a
 # face that vanishes.
 SHY = sp.Float(2e-12)
-# Squares of sines below it are those of parallel segments, and of edges between which the faces
-# beside them separate what is apart.
-PARALLEL = sp.Float(1e-12)
-STEEP = sp.Integer(10**6)  # by how much what does not count is made larger
 
 
 def distance_of(a: Any, b: Any, define: Define) -> Any:
@@ -83,15 +79,11 @@ def _between(a: Core, b: Core, define: Define) -> Any:
             return _between(b, a, define)
         case (Round(), Block() | Cut()):
             return define(_to_corners(a, b, define)) - a.radius
-        case (Block() | Cut(), Round()):
-            return _between(b, a, define)
-        case (Block() | Cut(), Block() | Cut()):
-            return define(_separation(a, b, define))
-    raise ModelError(
-        "the distance of a cylinder from what is no plane, sphere or point has no closed form: "
-        "state it as a Capsule or a Box that holds it, or a surface for each pair that may touch, "
-        "of dmoc.spatial.faces, features and edges; its side is that of a Capsule."
-    )
+        case (Drum(), Round()):
+            return gap_between(a, b, define) - b.radius
+        case (Drum(), _) | (Block() | Cut(), Block() | Cut()):
+            return gap_between(a, b, define)
+    return _between(b, a, define)
 
 
 def _lowest(core: Core, n: Vector, define: Define) -> Any:
@@ -179,7 +171,7 @@ def _to_corners(ball: Round, solid: Block | Cut, define: Define) -> Any:
         return _signed(define(sp.Max(*beyond)), define(_outside(beyond)), define)
     squares = [_square_to(solid, end, define) for end in ball.ends]
     squares += [_square(ball, edge, define) for edge in solid.edges]
-    apart = define(_separation(solid, ball, define))
+    apart = gap_between(solid, ball, define)
     return _signed(apart, define(sp.Min(*squares)), define)
 
 
@@ -212,25 +204,6 @@ def _square_to(solid: Block | Cut, point: Vector, define: Define) -> Any:
         beside = define(sp.Max(0, *off))
         squares.append(define(height**2 + STEEP * beside**2))
     return define(sp.Min(*squares))
-
-
-def _separation(a: Block | Cut, b: Block | Cut | Round, define: Define) -> Any:
-    """The largest gap between both along normals and across two edges, negative where they
-    overlap."""
-    gaps = [_gap(a, b, n, define) for n in (*a.normals, *b.normals)]
-    for u, v in product(a.directions, b.directions):
-        n = tuple(define(e) for e in cross(u, v))
-        square = define(dot(n, n))
-        safe = sp.Max(square, PARALLEL)
-        # across parallel edges, where nothing is learnt, far less than along any normal
-        across = _gap(a, b, n, define) - STEEP * sp.Max(PARALLEL - square, 0)
-        gaps.append(define(across / sp.sqrt(safe)))
-    return sp.Max(*gaps)
-
-
-def _gap(a: Any, b: Any, n: Vector, define: Define) -> Any:
-    (low, high), (bottom, top) = _span(a, n, define), _span(b, n, define)
-    return define(sp.Max(low - top, bottom - high))
 
 
 def _root(square: Any) -> Any:

@@ -52,6 +52,7 @@ class Hull:
     edges: Any = field(default=None, init=False, repr=False)
     places: Any = field(default=None, init=False, repr=False)  # of the points in the world
     turned: Any = field(default=None, init=False, repr=False)  # its directions in the world
+    origin: Any = field(default=(0, 0, 0), init=False, repr=False)  # of its frame in the world
 
     def __post_init__(self) -> None:
         points = _read(self.points)
@@ -70,6 +71,7 @@ def carried_hull(hull: Hull, point: Moved, turned: Moved) -> Hull:
     carried = copy(hull)
     object.__setattr__(carried, "places", tuple(point(p) for p in hull.points))
     object.__setattr__(carried, "turned", turned)
+    object.__setattr__(carried, "origin", point((0, 0, 0)))
     return carried
 
 

@@ -58,11 +58,7 @@ class RimAndEdge(SharedExpression):
 
     @classmethod
     def value(cls, define: Define, *z: Any) -> Any:
-        p, u = z[:3], _unit(z[3:], define)
-        e, tangent = _at_line(p, u, define)
-        way = added(p, times(-1, e))
-        off = added(way, times(-define(dot(way, u)), u))
-        return signed(tangent, u, added(e, AXIS), off, define)
+        return to_edge(z[:3], z[3:], define)[0]
 
 
 class RimAndLine(SharedExpression):
@@ -84,42 +80,62 @@ class RimAndRim(SharedExpression):
 
     @classmethod
     def value(cls, define: Define, *z: Any) -> Any:
-        p, b, radius = z[:3], _unit(z[3:6], define), z[6]
-        square, height = define(dot(p, p)), define(dot(p, b))
-        e, tangent = _at(NearestToRim(p[0], p[1], square, b[0], b[1], height, radius), define)
-        q = _defined(added(e, times(-1, p)), define)
-        off = _defined(added(q, times(-define(dot(q, b)), b)), define)
-        out = times(1 / define(root(dot(off, off))), off)
-        way = _defined(added(times(radius, out), times(-1, q)), define)
-        outwards = added(e, AXIS, times(-1, added(out, b)))
-        return signed(tangent, _defined(cross(b, out), define), outwards, way, define)
+        return to_rim(z[:3], z[3:6], z[6], define)[0]
+
+
+def to_edge(p: Vector, u: Vector, define: Define) -> tuple[Any, Vector]:
+    """The signed distance of a rim from the line p + t u, and its direction."""
+    u = _unit(u, define)
+    e, tangent = _at_line(p, u, define)
+    way = added(p, times(-1, e))
+    off = added(way, times(-define(dot(way, u)), u))
+    return _signed(tangent, u, added(e, AXIS), off, define)
+
+
+def to_rim(p: Vector, b: Vector, radius: Any, define: Define) -> tuple[Any, Vector]:
+    """The signed distance of a rim from another one, about the axis b through p, and its
+    direction."""
+    b = _unit(b, define)
+    square, height = define(dot(p, p)), define(dot(p, b))
+    e, tangent = _at(NearestToRim(p[0], p[1], square, b[0], b[1], height, radius), define)
+    q = defined(added(e, times(-1, p)), define)
+    off = defined(added(q, times(-define(dot(q, b)), b)), define)
+    out = times(1 / define(root(dot(off, off))), off)
+    way = defined(added(times(radius, out), times(-1, q)), define)
+    outwards = added(e, AXIS, times(-1, added(out, b)))
+    return _signed(tangent, defined(cross(b, out), define), outwards, way, define)
 
 
 def from_rim(rim: Rim, other: Rim | Round, define: Define) -> Any:
     """The distance of a rim from another one, from the line of an edge, from a ball, or from what
     is within a radius of a line."""
     r = rim.radius
-    p = _defined(rim.inside(times(1 / r, added(other.at, times(-1, rim.at)))), define)
+    p = defined(rim.inside(times(1 / r, added(other.at, times(-1, rim.at)))), define)
     if isinstance(other, Rim):
-        b = _defined(rim.inside(other.along), define)
+        b = defined(rim.inside(other.along), define)
         return define(r * RimAndRim(*p, *b, other.radius / r))
     if other.along is None:
         beside = define(root(p[0] ** 2 + p[1] ** 2))
         return define(r * root((beside - 1) ** 2 + p[2] ** 2)) - other.radius
-    u = _defined(rim.inside(other.along), define)
+    u = defined(rim.inside(other.along), define)
     if other.radius == 0:
         return define(r * RimAndEdge(*p, *u))
     return define(r * RimAndLine(*p, *u)) - other.radius
 
 
-def signed(tangent: Vector, u: Vector, out: Vector, way: Vector, define: Define) -> Any:
+def _signed(
+    tangent: Vector, u: Vector, out: Vector, way: Vector, define: Define
+) -> tuple[Any, Vector]:
     """The way from a rim along what is perpendicular to both tangents, positive outwards; where
-    these are parallel, its length."""
-    n = _defined(cross(tangent, u), define)
+    these are parallel, its length.  And the direction of the way."""
+    n = defined(cross(tangent, u), define)
     square = define(dot(n, n))
     across = _outwards(dot(n, out), define) * dot(n, way) / sp.sqrt(sp.Max(square, PARALLEL))
     straight = _outwards(dot(way, out), define) * root(dot(way, way))
-    return sp.Piecewise((across, square > PARALLEL), (straight, True))
+    crossing = square > PARALLEL
+    pairs = zip((across, *n), (straight, *way), strict=True)
+    gap, *along = (sp.Piecewise((x, crossing), (y, True)) for x, y in pairs)
+    return gap, tuple(along)
 
 
 def root(square: Any) -> Any:
@@ -146,8 +162,8 @@ def _at(angle: Any, define: Define) -> tuple[Vector, Vector]:
 def _unit(v: Vector, define: Define) -> Vector:
     """A direction, also where attitudes are none, as between the iterates of a solver: so the
     slopes of the distance by the angle are zero everywhere."""
-    return _defined(times(1 / define(sp.sqrt(dot(v, v))), v), define)
+    return defined(times(1 / define(sp.sqrt(dot(v, v))), v), define)
 
 
-def _defined(v: Vector, define: Define) -> Vector:
+def defined(v: Vector, define: Define) -> Vector:
     return tuple(define(e) for e in v)

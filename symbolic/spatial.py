@@ -133,12 +133,12 @@ class World(Body, Ground):
         """The distance of two shapes, for a surface ``world.distance(a, b) >= 0``, or for a path
         constraint.
 
-        It is negative where both overlap, and zero where they touch.  Of spheres, capsules and
-        points against anything, and of anything against a plane, it is the least distance of two
-        of their points.  Of boxes and hulls against each other it is the largest gap between both
-        along the normals of faces and the directions across two edges: the least distance where a
-        corner is nearest to a face or an edge to another one, less where corners or edges pass
-        each other, and zero exactly where both touch.
+        It is negative where both overlap, and zero where they touch.  Of spheres, capsules, points
+        and cylinders against anything, and of anything against a plane, it is the least distance
+        of two of their points.  Of boxes and hulls against each other it is the largest gap
+        between both along the normals of faces and the directions across two edges: the least
+        distance where a corner is nearest to a face or an edge to another one, less where corners
+        or edges pass each other, and zero exactly where both touch.
 
         Parameters
         ----------
@@ -155,8 +155,7 @@ class World(Body, Ground):
         Raises
         ------
         ModelError
-            If something is no shape, both are planes, or a cylinder meets what is no plane, sphere
-            or point: that distance has no closed form.
+            If something is no shape, both are planes, or a rim meets a whole box or cylinder.
 
         Notes
         -----
@@ -165,6 +164,9 @@ class World(Body, Ground):
         and -p + abs(u) k and then between -h and h, and at w = q + u s, brought between -k and k.
         Normals and directions across edges are the separating axes of S. Gottschalk, M. C. Lin,
         D. Manocha, "OBBTree", SIGGRAPH 1996.
+
+        A rim is nearest to a line, or to another rim, at an angle that is the root of an equation:
+        the code of kernels finds it.
 
         Where the nearest points jump, as on parallel segments or faces, the distance has a kink:
         state a surface for each of :func:`~dmoc.symbolic.features.features` there.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from dmoc.symbolic.graph import Graph, GraphNode
@@ -113,7 +114,7 @@ class FunctionSpec:
     def constants(self) -> Input:
         return Input("par", self.function.constants)
 
-    @property
+    @cached_property
     def kernel(self) -> KernelSpec:
         """The function as a kernel of its arguments z and its results d."""
         values = with_shared_sums([self.function.derivative(path) for path in self.paths])
