@@ -73,8 +73,7 @@ def limits(
     if lay.inside:
         box[..., lay.index_q_i, :] = np.concatenate([places] * lay.inside, axis=-2)
     box[..., lay.index_t[:1], :] = 0.0
-    if isinstance(problem, Problem):
-        box[lay.index_design] = problem.design_bounds
+    box[..., lay.index_design, :] = problem.design_bounds
     for goal in goals:
         box[goal.unknown] = (-np.inf, np.inf)
     if goals:

@@ -36,6 +36,9 @@ class FreeRows:
     grazes : array of bool, shape (R, events)
         Hits that change no momentum by a share of its size that counts.
     cost : array, shape (R,)
+    design : array, shape (R, number)
+    par : array, shape (R, npar)
+        Parameters, with those that are chosen.
     """
 
     begins: Index
@@ -50,12 +53,17 @@ class FreeRows:
     arrivals: Array
     grazes: NDArray[np.bool_]
     cost: Array
+    design: Array
+    par: Array
 
     @classmethod
     def of(cls, problem: Problem, lay: Layout, par: Array, y: Array) -> FreeRows:
         """The motions of unknowns y, shape (R, n), in units of the problem, with parameters par,
         shape (R, npar); ``problem`` is one of theirs."""
         count, nq, kernels = len(y), lay.nq, problem.kernels
+        names, design = list(kernels.parameters), y[:, lay.index_design]
+        par = par.copy()
+        par[:, [names.index(name) for name in problem.design]] = design
         one = (par == par[0]).all()
 
         def model(rows: int) -> Model:
@@ -90,7 +98,7 @@ class FreeRows:
             begins, t, q, v, p, y.take(lay.index_u[lay.row_u_k], axis=1),
             y.take(lay.index_u[lay.row_u_kp1], axis=1),
             y.take(lay.index_q_i, axis=1).reshape(count, lay.total * lay.inside, nq),
-            y[:, lay.impact.lam], y.take(lay.impact.v_a, axis=1), grazes, cost,
+            y[:, lay.impact.lam], y.take(lay.impact.v_a, axis=1), grazes, cost, design, par,
         )  # fmt: skip
 
     @property

@@ -153,11 +153,13 @@ def scale_of_rows(problems: Stacked, lay: Layout, x: Array, minimum: bool) -> Sc
     if problems.kernels.manifest.path_rows:  # looks along each motion
         return _stacked([scale_of(problem, own, minimum) for problem, own in rows])
     with np.errstate(all="ignore"):
-        reached = [_reached(Iterate(problem, lay, own)) for problem, own in rows]
+        every = [Iterate(lay.problem_at(problem, own), lay, own) for problem, own in rows]
+        reached = [_reached(at) for at in every]
         of_all = reached[0]
         if not all(one is of_all for one in reached):
             of_all = _stacked(reached)
-        return _with_cost(Iterate(cast(Problem, problems), lay, x), of_all, minimum)[0]
+        designed = cast(Problem, Stacked([at.problem for at in every]))
+        return _with_cost(Iterate(designed, lay, x), of_all, minimum)[0]
 
 
 def _stacked(every: Sequence[T]) -> T:
@@ -243,7 +245,7 @@ def _designs(problem: Problem) -> Array:
     if not problem.design:
         return np.zeros(0)
     with np.errstate(invalid="ignore"):
-        width = np.ptp(problem.design_bounds, axis=1)
+        width = np.ptp(problem.design_bounds, axis=-1)
     values = np.abs(problem.design_values)
     size = np.maximum(values, np.where(np.isfinite(width), NARROW * width, 0.0))
     return np.where(size > 0, size, 1.0)

@@ -37,6 +37,8 @@ class Stacked:
     unsaid = _stacked("unsaid")
     reach = _stacked("reach")
     parameter_values = _stacked("parameter_values")
+    design_bounds = _stacked("design_bounds")
+    design_values = _stacked("design_values")
 
     @cached_property
     def end_speeds(self) -> Array:

@@ -31,7 +31,8 @@ class RowEnds:
         Scaled unknowns, multipliers of the rows (c | d) and of the bounds.
     strict : array of bool, shape (R,)
         Rows that have ended in a strict minimum with a cost; of all others nothing is said.
-    iterations : array of int, shape (R,)
+    iterations, status : arrays of int, shape (R,)
+        Of :data:`dmoc.solvers.ipm.STATUSES`; -1 of rows whose turn did not come.
     optimality, violation : arrays, shape (R,)
     """
 
@@ -40,6 +41,7 @@ class RowEnds:
     z: Array
     strict: NDArray[np.bool_]
     iterations: NDArray[np.intc]
+    status: NDArray[np.intc]
     optimality: Array
     violation: Array
 
@@ -58,19 +60,19 @@ def solve_rows(
         x.copy(), np.concatenate([duals.y, -duals.w], axis=1), np.maximum(duals.z, 0.0),
         np.maximum(-duals.z, 0.0),
     )  # fmt: skip
-    left, iterations = np.full((count, 2), inf), np.zeros(count, np.intc)
-    strict = np.zeros(count, bool)
+    left, strict = np.full((count, 2), inf), np.zeros(count, bool)
+    iterations, status = np.zeros(count, np.intc), np.full(count, -1, np.intc)
     looking = curvature.of_program(nlp)
     of_form = stretches(nlp), *looking, len(lay.index_h)
     rows = Rows(
         program, kkt_layout(nlp), programs.elements, programs.rows, point,
-        (left, iterations, strict.view(np.uint8)), of_form,
+        (left, iterations, status, strict.view(np.uint8)), of_form,
         _demands(options, WARM if warm else COLD),
         demands(options) | {"iterations": options.iterations, "warm": warm},
     )  # fmt: skip
     rows.solve(options.deadline.left)
     x, y, z_lower, z_upper = point
-    return RowEnds(x, y, z_lower - z_upper, strict, iterations, *left.T)
+    return RowEnds(x, y, z_lower - z_upper, strict, iterations, status, *left.T)
 
 
 def _demands(options: Options, barrier: float) -> dict[str, float]:

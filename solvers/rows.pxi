@@ -27,7 +27,7 @@ cdef class Rows:
     cdef const double *by[3]
     cdef const double[:, ::1] lower, upper, sizes, inverse, constant, coefficient, slope_constant, par
     cdef double[:, ::1] x, y, z_lower, z_upper, left
-    cdef int[::1] iterations
+    cdef int[::1] iterations, status
     cdef unsigned char[::1] plain, holds, may
     cdef const double[::1] stretch, weights, kept
     cdef double[::1] size, reach, z, w, values, slopes, hess, gradient, H, A, K, curvature
@@ -48,7 +48,7 @@ cdef class Rows:
             self.slope_constant, self.par,
         ) = numbers
         self.x, self.y, self.z_lower, self.z_upper = point
-        self.left, self.iterations, self.plain = ends
+        self.left, self.iterations, self.status, self.plain = ends
         self.stretch, self.weights, self.kept, self.phases = of_form
         self.count, self.parameters = self.x.shape[0], self.par.shape[1]
         self._fit(*numbers, *point, *ends, *of_form[:3])
@@ -69,7 +69,7 @@ cdef class Rows:
         cdef ptrdiff_t n = self.c.n, m = self.c.m, k = self.count
         terms, slopes = self.c.values.terms, self.c.slopes.targets
         rows = n, n, n + m + 1, m + 1, m + 1, terms, slopes, self.parameters, n, m, n, n, 2
-        shapes = [(k, width) for width in rows] + [(k,)] * 2 + [(n,)] * 3
+        shapes = [(k, width) for width in rows] + [(k,)] * 3 + [(n,)] * 3
         for array, shape in zip(arrays, shapes, strict=True):
             if array.shape != shape:
                 raise ValueError(f"expected an array of shape {shape}, got {array.shape}")
@@ -159,7 +159,7 @@ cdef class Rows:
             &self.y[k, 0], &self.z_lower[k, 0], &self.z_upper[k, 0], self.room.factorisation.f,
             &self.room.memory[0],
         )
-        self.iterations[k] = result.iterations
+        self.iterations[k], self.status[k] = result.iterations, result.status
         self.interrupted = result.status == DMOC_INTERRUPTED
         for i in range(m - self.c.equalities):
             self.w[i] = _not_below(-self.y[k, self.c.equalities + i])

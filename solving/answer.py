@@ -54,7 +54,8 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
     if tolerance is not None:
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
-    case, answer, without = Case(problem, guess, request, of_mesh), None, ""
+    asked, first = (replace(of, begun=None) for of in (request, of_mesh))
+    case, answer, without = Case(problem, guess, asked, first), None, ""
     answers = answers_on_mesh(problem, guess, of_mesh)
     best = next(answers)
     if best is None:

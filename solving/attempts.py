@@ -68,12 +68,19 @@ class Attempt:
 
 
 def attempted(
-    programs: Programs, starts: Starts, method: Method, form: str, options: Options
+    programs: Programs,
+    starts: Starts,
+    method: Method,
+    form: str,
+    options: Options,
+    end: Ending | None = None,
 ) -> Attempt:
-    """Solve by a method, and by what takes over from it; say what conflicts where nothing helps."""
+    """Solve by a method, and by what takes over from it; say what conflicts where nothing helps.
+    ``end`` is where the method comes from the first start, if that is known."""
     nlp = programs.program(method.guided)
     points = [nlp.scaled(x) for x in starts.points]
-    solver = LocalSolver(programs, _with(method.minimise(form), starts.duals(nlp)))
+    minimise = _with(method.minimise(form), starts.duals(nlp))
+    solver = LocalSolver(programs, minimise if end is None else _after(end, minimise))
     second = METHODS[method.falls_back_on] if method.falls_back_on and programs.compiled else None
     reserve = options.iterations // 2 if second is not None else 0  # for what takes over
     first = replace(options, iterations=options.iterations - reserve)
@@ -98,6 +105,16 @@ def _with(driver: Judged, duals: Duals | None) -> Minimise:
         return driver(nlp, x, options, duals if fits else None)
 
     return minimise
+
+
+def _after(end: Ending, minimise: Minimise) -> Minimise:
+    """A driver whose first end is known."""
+    known = [end]
+
+    def minimised(nlp: Transcription, x: Array, options: Options) -> Outcome:
+        return judged(nlp, known.pop(), options) if known else minimise(nlp, x, options)
+
+    return minimised
 
 
 def _taken_over(

@@ -23,6 +23,7 @@ from dmoc.problem.problem import Problem
 from dmoc.results.batch import APART, FAILED, NOT_TRIED, REFUSED, Batch
 from dmoc.results.solution import Solution
 from dmoc.solvers.outcome import Status
+from dmoc.solving.beginning import Beginning
 from dmoc.solving.keywords import BatchKeywords, Keywords
 from dmoc.solving.methods import SEARCHING, usual
 from dmoc.solving.row import Row, row_of
@@ -241,7 +242,7 @@ def _answers(
                 return
             left = len(numbers) - begin  # each worker gets some of them
             size = min(pace.together, left if here else left // (2 * workers) + 1)
-            size = 1 if here and batch.keep else max(size, least)
+            size = max(size, least)
             part = tuple((i, problems[i]) for i in numbers[begin : begin + size])
             yield Share(part, *of_solves, batch.keep, deadline)
             begin += size
@@ -275,7 +276,7 @@ def _in_threads(shares: Iterator[Share], workers: int, deadline: Deadline) -> It
             yield share
 
     work = Work[Share, list[Row]](
-        lambda share: list(_together(share)),
+        lambda share: [row for row in _together(share) if isinstance(row, Row)],
         lambda share, why: [],
         lambda share, rows: (),
         lambda share: share.deadline.left,
@@ -290,42 +291,44 @@ def _in_threads(shares: Iterator[Share], workers: int, deadline: Deadline) -> It
 def solve_share(share: Share) -> list[Row]:
     """Solve the problems of a share one after the other, in any process; neighbours of one form
     together."""
-    rows, together = list[Row](), dict[int, Row]()
+    rows, together, begun = list[Row](), dict[int, Row](), dict[int, Beginning]()
     try:
-        for row in _together(share):
-            together[row.number] = row
+        for each in _together(share):
+            if isinstance(each, Row):
+                together[each.number] = each
+            else:
+                begun[each.number] = each
     except KeyboardInterrupt:
         left = [number for number, _ in share.problems if number not in together]
         return [*together.values(), _interrupted(left[0] if left else share.problems[-1][0])]
     for number, problem in share.problems:
         if number not in together and share.deadline.passed:
             continue
-        rows.append(together.get(number) or _row(number, problem, share))
-        if rows[-1].status == Status.INTERRUPTED:
+        row = together.get(number) or _row(number, problem, share, begun.pop(number, None))
+        rows.append(row)
+        if row.status == Status.INTERRUPTED:
             break
     return rows
 
 
-def _together(share: Share) -> Iterator[Row]:
-    """The rows of neighbours, where no solution is kept."""
-    if share.keep:
-        return
+def _together(share: Share) -> Iterator[Row | Beginning]:
+    """The rows of neighbours, and where the solves of some others go on."""
     stated = [(i, p) for i, p in share.problems if isinstance(p, Problem)]
     with suppress(Exception):  # a solve of its own tells that of a single problem
-        yield from solved_rows(stated, share.keywords, share.guess, share.deadline)
+        yield from solved_rows(stated, share.keywords, share.guess, share.deadline, share.keep)
 
 
 def _interrupted(number: int) -> Row:
     return Row(number, Status.INTERRUPTED, Status.INTERRUPTED.sentence)
 
 
-def _row(number: int, problem: Problem | DmocError, share: Share) -> Row:
-    begin = time.perf_counter()
+def _row(number: int, problem: Problem | DmocError, share: Share, begun: Beginning | None) -> Row:
+    begin = time.perf_counter() - (begun.seconds if begun else 0.0)
     try:
         if isinstance(problem, DmocError):
             raise problem
         keywords = replace(share.keywords, seconds=share.deadline.seconds)
-        s = solved(problem, keywords, share.guess)
+        s = solved(problem, keywords, share.guess, begun=begun)
     except KeyboardInterrupt:
         return _interrupted(number)
     except DmocError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dmoc.base.arguments import shown
 from dmoc.base.deadline import Deadline
@@ -16,6 +16,9 @@ from dmoc.program.totals import surfaces_hit
 from dmoc.solvers.outcome import Options
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.methods import DEFAULT, METHODS, REFINING, Method, ProgramForm, usual
+
+if TYPE_CHECKING:
+    from dmoc.solving.beginning import Beginning
 
 GIVEN = "given"  # the name of a start that is a guess
 # Tolerance where neither steps nor a tolerance are given.
@@ -37,7 +40,8 @@ class Request:
     whether starts go on as long as there is time and better minima may not have been met, and other
     forms of the problem are tried where no start leads to a motion.  ``names_steps`` is whether
     finer meshes are solved for one that the check confirms, where it contradicts the answer on its
-    own.  ``given`` names the start that the guess is.
+    own.  ``given`` names the start that the guess is.  ``begun`` is where the first solve of one
+    problem begins, if others have begun with it.
     """
 
     method: Method
@@ -54,6 +58,7 @@ class Request:
     thorough: bool = False
     names_steps: bool = True
     given: str = GIVEN
+    begun: Beginning | None = None
 
     def within(self, **limits: Any) -> Request:
         """The same request with other options."""

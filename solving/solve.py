@@ -14,6 +14,7 @@ from dmoc.problem.problem import Problem
 from dmoc.results.solution import Solution, saying
 from dmoc.solvers.outcome import Iteration
 from dmoc.solving.answer import answer_of
+from dmoc.solving.beginning import Beginning
 from dmoc.solving.either_sign import best_sign
 from dmoc.solving.keywords import Keywords
 from dmoc.solving.mesh.one_mesh import interrupted
@@ -149,13 +150,15 @@ def solved(
     progress: Listener[Iteration] = None,
     *,
     thorough: bool = False,
+    begun: Beginning | None = None,
 ) -> Solution:
     """Solve a problem with keywords that were read, from a guess that was loaded; a thorough
     solve uses the time limit to its end, tries other forms where no start leads to a motion, and
-    says with how many steps the check confirms an answer that it contradicts."""
+    says with how many steps the check confirms an answer that it contradicts.  ``begun`` is where
+    the solve of this very problem begins, if others have begun with it."""
     request, reference = request_of(problem, keywords), keywords.reference
     lasts = thorough and not problem.open_hits
-    request = replace(request, thorough=lasts, names_steps=thorough)
+    request = replace(request, thorough=lasts, names_steps=thorough, begun=begun)
     check_hits(problem)
     if reference:
         problem = problem.but(kernels=replace(problem.kernels, reference=reference))

@@ -20,6 +20,9 @@ MASSES = (0.5, 1.0, 2.0)
 def same(a: dmoc.Batch, b: dmoc.Batch) -> None:
     for name in WORDS:
         assert getattr(a, name) == getattr(b, name), name
+    assert a.design.keys() == b.design.keys()
+    for name, values in a.design.items():
+        np.testing.assert_allclose(values, b.design[name], rtol=1e-12, err_msg=name)
     for name in NUMBERS:
         np.testing.assert_allclose(
             getattr(a, name), getattr(b, name), rtol=1e-12, atol=1e-13, err_msg=name
@@ -43,7 +46,8 @@ def neighbours(base: dmoc.Problem, count: int, size: float) -> list[dmoc.Problem
     def field(stated: Mapping[str, Any]) -> dict[str, Any]:
         return {name: moved(value, by) for name, value in stated.items()}
 
-    parameters = dict(zip(base.kernels.parameters, base.parameter_values[0].tolist(), strict=True))
+    every = zip(base.kernels.parameters, base.parameter_values[0].tolist(), strict=True)
+    parameters = {name: value for name, value in every if name not in base.design}
     problems = []
     for _ in range(count):
         fields = {
@@ -78,6 +82,26 @@ def limited() -> dmoc.Problem:
     return dmoc.Problem(
         dmoc.build(system), start={"x": 0.0}, goal={"x": 0.6, "x_dot": 0.0}, final_time=1.0,
         steps=12,
+    )  # fmt: skip
+
+
+def watched() -> dmoc.Problem:
+    """A mass whose power is a quantity of which nothing is said."""
+    x, u = dynamicsymbols("x u")
+    quantities = {"power": u * x.diff(dynamicsymbols._t)}
+    system = unit_mass("watched", quantities=quantities, cost=u**2 / 2)
+    return dmoc.Problem(
+        dmoc.build(system), start={"x": 0.0}, goal={"x": 0.6, "x_dot": 0.0}, final_time=1.0,
+        steps=12,
+    )  # fmt: skip
+
+
+def periodic() -> dmoc.Problem:
+    """A puck that is as fast at the end as at the start."""
+    base = puck("east")
+    return base.but(
+        start={**base.start, "x_dot": None}, goal={"x": 0.4, "y": 0.7},
+        periodic={"x_dot": ("x_dot", 0.1), "y_dot": ("y_dot", (-2.0, -0.6))},
     )  # fmt: skip
 
 

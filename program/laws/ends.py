@@ -103,14 +103,12 @@ class EndsLaw(Law):
     @property
     def relations(self) -> list[Relation]:
         """Relations between the end and the start of ``periodic``."""
-        return [r for r in self.problem.relations if r.fixed]
+        return [r for r, _, _ in _fixed(self.problem)]
 
     @property
     def ranges(self) -> list[tuple[Relation, float, float]]:
         """Relations of ``periodic_range``, each with a side and its bound."""
-        wide = [r for r in self.problem.relations if not r.fixed]
-        low = [(r, 1.0, r.low) for r in wide if r.low > -np.inf]
-        return low + [(r, -1.0, r.high) for r in wide if r.high < np.inf]
+        return _wide(self.problem)
 
     def equations(self, block: Numbering) -> None:
         lay, relations, goals = self.lay, self.relations, self.fixed_goals
@@ -219,17 +217,23 @@ class EndsLaw(Law):
         """Sizes of what ends, states or quantities."""
         kernels = self.problem.kernels
         states, of_unknowns = self.lay.states(kernels.coordinates), self.lay.sizes(scale)
-        sizes = {name: of_unknowns[at[1]] for name, at in states.items()}
-        sizes |= dict(zip(kernels.quantities, scale.quantity, strict=True))
-        return np.array([sizes[r.end] for r in relations], dtype=float)
+        sizes = {name: of_unknowns[..., at[1]] for name, at in states.items()}
+        of_quantities = np.moveaxis(scale.quantity, -1, 0)
+        sizes |= dict(zip(kernels.quantities, of_quantities, strict=True))
+        every = [sizes[r.end] for r in relations]
+        return np.stack(every, axis=-1) if every else np.zeros((*np.shape(scale.time), 0))
 
     @property
     def _related(self) -> Iterator[tuple[int, Relation, float, float]]:
         """Rows of relations, with a side and its value."""
-        related = [*((r, 1.0, r.low) for r in self.relations), *self.ranges]
-        numbers = np.concatenate([self.periodic.numbers, self.periodic_range.numbers])
-        for row, (r, sign, value) in zip(numbers.tolist(), related, strict=True):
+        related = *_fixed(self.problem), *_wide(self.problem)
+        for row, (r, sign, value) in zip(self._of_relations, related, strict=True):
             yield row, r, sign, value
+
+    @property
+    def _of_relations(self) -> list[int]:
+        """Rows of relations."""
+        return [*self.periodic.numbers.tolist(), *self.periodic_range.numbers.tolist()]
 
     def terms(self, places: Places, laws: Laws) -> list[Term]:
         lay = self.lay
@@ -264,7 +268,11 @@ class EndsLaw(Law):
         rows."""
         low, high = problems.final_time_bounds
         first = *self.final_time.numbers.tolist(), *self.earliest.numbers.tolist()
-        return dict.fromkeys(first, -low) | dict.fromkeys(self.latest.numbers.tolist(), high)
+        constants = dict.fromkeys(first, -low)
+        constants |= dict.fromkeys(self.latest.numbers.tolist(), high)
+        related = [(*_fixed(problem), *_wide(problem)) for problem in problems.each]
+        values = np.array([[-sign * value for _, sign, value in own] for own in related])
+        return constants | dict(zip(self._of_relations, values.T, strict=True))
 
     def _lines(self) -> Iterator[Line]:
         lay, (low, high), one = self.lay, self.problem.final_time_bounds, np.ones(1)
@@ -300,3 +308,15 @@ class EndsLaw(Law):
 
     def constants(self) -> Iterator[tuple[int, float]]:
         return ((line.row, line.constant) for line in self._lines())
+
+
+def _fixed(problem: Problem) -> list[tuple[Relation, float, float]]:
+    """Relations with a difference, each with a side and its value."""
+    return [(r, 1.0, r.low) for r in problem.relations if r.fixed]
+
+
+def _wide(problem: Problem) -> list[tuple[Relation, float, float]]:
+    """Relations within a range, each with a side and its bound."""
+    wide = [r for r in problem.relations if not r.fixed]
+    low = [(r, 1.0, r.low) for r in wide if r.low > -np.inf]
+    return low + [(r, -1.0, r.high) for r in wide if r.high < np.inf]

@@ -204,14 +204,15 @@ def solved_on_mesh(problem: Problem, guess: InitialGuess, request: Request) -> S
     """Solve on one mesh."""
     method, options = request.method, request.options
     method.check_size(problem.steps, problem.nu * sum(problem.phase_steps))
-    begin = time.perf_counter()
+    begin, begun = time.perf_counter(), request.begun
     with np.errstate(all="ignore"):
-        starts = starts_of(problem, guess, options.deadline)
+        starts = begun.starts if begun else starts_of(problem, guess, options.deadline)
         guessed = time.perf_counter()
         scale = scale_of(problem, starts.points[0], starts.minimum)
         programs = Programs(problem, scale)
         limits = _in_units(options, scale.cost)
-        attempt = attempted(programs, starts, method, request.form, limits)
+        end = begun.end if begun else None
+        attempt = attempted(programs, starts, method, request.form, limits, end)
         solved = time.perf_counter()
         seconds = {
             "build": problem.kernels.seconds,

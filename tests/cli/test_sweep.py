@@ -25,7 +25,7 @@ def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """The command ``dmoc sweep``."""
     # Few steps are quickly solved, and rightly not confirmed.
     solved, rows = many.solved, many.solved_rows
-    monkeypatch.setattr(many, "solved", lambda p, k, g: solved(p, replace(k, verify=False), g))
+    monkeypatch.setattr(many, "solved", lambda p, k, g, **_: solved(p, replace(k, verify=False), g))
     monkeypatch.setattr(
         many, "solved_rows", lambda p, k, g, d: rows(p, replace(k, verify=False), g, d)
     )

@@ -10,6 +10,7 @@ import pytest
 
 import dmoc
 from dmoc.solving import many, rows
+from dmoc.solving.beginning import Beginning
 from dmoc.solving.row import Row
 
 
@@ -19,10 +20,11 @@ def together(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setattr(many.Pace, "together", 64)
     numbers, solved = list[int](), many.solved_rows
 
-    def noted(*args: Any) -> Iterator[Row]:
-        for row in solved(*args):
-            numbers.append(row.number)
-            yield row
+    def noted(*args: Any) -> Iterator[Row | Beginning]:
+        for each in solved(*args):
+            if isinstance(each, Row):
+                numbers.append(each.number)
+            yield each
 
     monkeypatch.setattr(many, "solved_rows", noted)
     return numbers

@@ -95,7 +95,7 @@ def test_problems_are_explored_only_where_that_is_asked_for(
     starts: list[Any] = []
     solved = many.solved
 
-    def noted(problem: dmoc.Problem, keywords: Keywords, guess: Any) -> dmoc.Solution:
+    def noted(problem: dmoc.Problem, keywords: Keywords, guess: Any, **_: Any) -> dmoc.Solution:
         starts.append(keywords.starts)
         return solved(problem, replace(keywords, starts=1), guess)
 
@@ -130,7 +130,7 @@ def test_a_problem_that_cannot_be_solved_is_a_row(
 ) -> None:
     solved = many.solved
 
-    def flawed(problem: dmoc.Problem, *rest: Any) -> dmoc.Solution:
+    def flawed(problem: dmoc.Problem, *rest: Any, **_: Any) -> dmoc.Solution:
         m = problem.parameters["m"]
         if m == 1.0:
             raise ProblemError("the second is none.")

@@ -9,7 +9,7 @@ from typing import Any
 import block_and_wall
 import numpy as np
 import pytest
-from batch_rows import limited, neighbours, pendulum, puck, same
+from batch_rows import limited, neighbours, pendulum, periodic, puck, same, watched
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
@@ -17,9 +17,11 @@ from dmoc.program.rows import row_numbers
 from dmoc.program.scaling import scale_of
 from dmoc.program.stacked import Stacked
 from dmoc.program.transcription import Transcription
+from dmoc.solvers import ipm
 from dmoc.solvers.outcome import Duals, Options
 from dmoc.solvers.row_solves import solve_rows
 from dmoc.solving import rows
+from dmoc.solving.mesh import one_mesh
 
 pytestmark = pytest.mark.slow
 
@@ -36,6 +38,10 @@ CASES = {
     "bounded velocity": lambda: pendulum(4, bounds={"F": (-200.0, 200.0), "x_dot": (-90.0, 90.0)}),
     "two hits": lambda: puck("east", "north"),
     "no hit": lambda: puck(),
+    "a length to choose": lambda: pendulum(2, design={"l": (0.3, 0.7)}),
+    "a mass to choose": lambda: block_and_wall.problem(0.8, 10, 4).but(design={"m": (0.5, 2.0)}),
+    "periodic states": periodic,
+    "quantities without bounds": watched,
     "a bound on the wall": lambda: block_and_wall.problem(0.8, 10, 4).but(
         bounds={"x": (-1.0, 1.0)}
     ),
@@ -182,14 +188,96 @@ def test_a_hit_without_effect_is_told_of_a_row(
     )
 
 
-def test_kept_solutions_are_solved_one_by_one(together: list[int]) -> None:
-    base = pendulum(2)
+def test_rows_of_periodic_states_settle_the_same_gaps(
+    together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    """Where the puck ends as far from a wall as it begins, that is no constraint of the end."""
+    base = puck()
+    open_end = base.but(goal={"x": 0.4})
+    guess = dmoc.solve(open_end.but(periodic={"y": ("y", 0.05)}), "ipm", starts=1, verify=False)
+    problems = [open_end.but(periodic={"y": ("y", d)}) for d in (0.05, 0.04, 0.0)]
+    batch = dmoc.solve_many(problems, guess=guess)
+    assert together == [0, 1]
+    same(batch, alone(problems, guess=guess))
+
+
+def test_rows_leave_what_is_said_of_quantities_to_solves(together: list[int]) -> None:
+    """Bounds of them, their values at the ends, and what is periodic."""
+    base = watched()
+    said = [
+        {"bounds": {"power": (None, 0.9)}}, {"goal": {**base.goal, "power": (-0.1, 0.1)}},
+        {"periodic": {"power": ("power", (-0.1, 0.1))}},
+    ]  # fmt: skip
+    for fields in said:
+        pair = [base.but(**fields, final_time=t) for t in (1.0, 1.1)]
+        assert dmoc.solve_many(pair, verify=False).solved.all() and not together
+    dmoc.solve_many([base, base], verify=False)
+    assert together == [0, 1]
+
+
+@pytest.mark.parametrize("case", ["a length to choose", "periodic states"])
+def test_rows_are_the_same_for_any_number_of_threads(
+    case: str, together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    base = CASES[case]()
+    guess = dmoc.solve(base, "ipm", starts=1, verify=False)
+    problems, options = neighbours(base, 6, 0.01), {"guess": guess, "verify": False}
+    first, *others = (dmoc.solve_many(problems, **options, workers=n) for n in (1, 2, 3))
+    assert len(together) >= 12
+    same(first, alone(problems, **options))
+    for other in others:
+        for name in ("cost", "final_time", "impulses", "iterations"):
+            assert np.array_equal(getattr(first, name), getattr(other, name), equal_nan=True)
+        assert first.check == other.check and first.message == other.message
+        assert all(map(np.array_equal, first.design.values(), other.design.values()))
+
+
+@pytest.mark.parametrize("verify", [True, False])
+def test_kept_solutions_are_those_of_rows(
+    verify: bool, together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    base = pendulum(2, design={"l": (0.3, 0.7)})
     guess = dmoc.solve(base, "ipm", starts=1, verify=False)
     problems = neighbours(base, 4, 0.02)
-    kept = dmoc.solve_many(problems, guess=guess, keep=True, verify=False)
+    options = {"guess": guess, "keep": True, "verify": verify}
+    kept = dmoc.solve_many(problems, **options)
+    assert together == [0, 1, 2, 3]
+    single = alone(problems, **options)
+    same(kept, single)
+    for mine, own in zip(kept.solutions, single.solutions, strict=True):
+        assert mine is not None and own is not None and mine.notes == own.notes
+        np.testing.assert_allclose(mine.unknowns, own.unknowns, rtol=1e-12, atol=1e-13)
+        assert (mine.verification is None) == (own.verification is None) == (not verify)
+    np.testing.assert_array_equal(kept.design["l"], [s.design["l"] for s in kept.solutions if s])
+
+
+def test_a_solve_goes_on_where_its_row_has_ended(
+    together: list[int], alone: Callable[..., dmoc.Batch], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its guess and its end: neither is found twice."""
+    base = pendulum(2)
+    problems = neighbours(base, 3, 0.02)
+    single = alone(problems, iterations=3, verify=False)
+    assert set(single.status) == {"iteration_limit"}
+
+    def refused(*args: Any, **options: Any) -> Any:
+        raise ZeroDivisionError("it is known")
+
+    monkeypatch.setattr(one_mesh, "starts_of", refused)
+    monkeypatch.setattr(ipm, "solve_ipm", refused)
+    same(dmoc.solve_many(problems, iterations=3, verify=False), single)
     assert not together
-    same(dmoc.solve_many(problems, guess=guess, verify=False), kept)
-    assert together
+
+
+def test_what_judges_a_row_starts_elsewhere(
+    together: list[int], alone: Callable[..., dmoc.Batch]
+) -> None:
+    """A cost that falls with the time: longer motions are solved from the answer."""
+    base = watched()
+    problems = [base.but(final_time=(low, None)) for low in (1.0, 1.1)]
+    single = alone(problems)
+    assert set(single.status) == {"stalled"}
+    same(dmoc.solve_many(problems), single)
 
 
 def test_an_error_of_rows_is_left_to_solves(
