@@ -32,6 +32,9 @@ MISSED = 0.05
 # last or constraints hold: gaits take long.
 USUAL, LASTING = 60, 300
 ANY = 10**9  # more starts than there is time for
+# Starts that were given up are so few, of all of a round, that further ones would take longer than
+# what is left of them.
+FEW = 0.25
 # Waves beside minima get smaller by a factor where less than such a share of their solves end.
 FEW_END, NARROWER = 0.6, 0.5
 # Limits of inputs are widened by the first factor and tightened by the others, with so many starts,
@@ -193,12 +196,13 @@ def _attempts(
     met: bool,
 ) -> list[Attempt]:
     """Attempts from some points in their order, as many as there is time for; until a later
-    deadline those that follow, as long as none is solved.  Those in a hurry that were given up are
-    tried to the end where none is solved, and no minimum was met before."""
+    deadline those that follow, as long as none is solved.  As long as no minimum was met before,
+    those in a hurry that were given up are tried to the end where none is solved, or where all
+    others lead to one minimum."""
     attempts = attempts_from(programs, points, options, hurried)
-    if not met and not _lead_on(attempts):
-        again = [k for k, attempt in enumerate(attempts) if _given_up(attempt, options)]
-        ends = attempts_from(programs, [points[k] for k in again], options) if again else []
+    again = [k for k, attempt in enumerate(attempts) if _given_up(attempt, options)]
+    if again and not met and (not _lead_on(attempts) or _agree(attempts, len(again))):
+        ends = attempts_from(programs, [points[k] for k in again], options)
         for k, end in zip(again, ends, strict=False):
             attempts[k] = end
     later, at_once = replace(options, deadline=latest), free_threads()
@@ -213,6 +217,14 @@ def _attempts(
 def _lead_on(attempts: Sequence[Attempt]) -> bool:
     """Whether one of some attempts is solved."""
     return any(attempt.status is Status.SOLVED for attempt in attempts)
+
+
+def _agree(attempts: Sequence[Attempt], given_up: int) -> bool:
+    """Whether all attempts lead to one minimum, but for a few that were given up."""
+    if given_up > FEW * len(attempts):
+        return False
+    minima = gathered([], attempts)
+    return len(minima) == 1 and minima[0].starts == len(attempts) - given_up
 
 
 def _given_up(attempt: Attempt, options: Options) -> bool:

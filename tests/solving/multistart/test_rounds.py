@@ -95,6 +95,33 @@ def test_starts_that_were_given_up_go_on_where_nothing_leads_to_a_motion(
     assert [end.status is Status.SOLVED for end in ends] == [leads, again, False]
 
 
+@pytest.mark.parametrize(
+    "fails, astray, again",
+    [(1, False, True), (3, False, False), (1, True, False), (2, False, True)],
+)
+def test_few_starts_that_were_given_up_go_on_where_all_others_agree(
+    monkeypatch: pytest.MonkeyPatch, fails: int, astray: bool, again: bool
+) -> None:
+    """Of eight, of which one more may end elsewhere."""
+    found, real, calls = search(double_integrator(8)), rounds.attempts_from, list[int]()
+
+    def hasty(programs: Any, points: Any, options: Any, hurried: Any = ()) -> list[Attempt]:
+        calls.append(len(points))
+        solved = real(programs, points, options)
+        if not any(hurried):
+            return solved
+        late = [a.ending(Status.ITERATION_LIMIT).counting(9) for a in solved[:fails]]
+        first = [solved[-1].ending(Status.STALLED)] if astray else solved[-1:]
+        return [*late, *solved[fails:-1], *first]
+
+    monkeypatch.setattr(rounds, "attempts_from", hasty)
+    points = [found.guesses[0]] * 8
+    ends = rounds._attempts(found.programs, points, found.options, ENDLESS, [True] * 8, False)
+    assert calls == ([8, fails] if again else [8])
+    unsolved = sum(end.status is not Status.SOLVED for end in ends)
+    assert unsolved == (0 if again else fails + astray)
+
+
 def test_all_but_a_guess_that_is_given_are_in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     hasty, solve = list[Any](), rounds._attempts
 
