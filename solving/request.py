@@ -26,6 +26,9 @@ AUTOMATIC = 1e-3
 # The error up to which a motion that the check confirms is a solution where nobody has asked for a
 # tolerance and finer meshes do not lead to the usual one: the check itself allows as much.
 LOOSE = 1e-2
+# Inputs of all steps up to which dense matrices take a second or two: with twice as many they take
+# fifteen, where ipm takes half of one.
+DENSE = 1000
 
 
 @record(frozen=True, eq=False)
@@ -90,7 +93,7 @@ def request_of(problem: Problem, keywords: Keywords) -> Request:
     # On peaks the condensed slsqp often stalls after hundreds of iterations, ipm takes a dozen.
     plain = tolerance is None and not (problem.held or rubs or problem.model.peak_names)
     inputs = problem.nu * sum(problem.phase_steps)
-    plain &= METHODS[DEFAULT].takes(inputs)
+    plain &= inputs <= DENSE
     method = METHODS[keywords.method or usual(DEFAULT if plain else REFINING, compiled)]
     method.require(problem.kernels.backend)
     method.check_size(problem.steps, inputs)

@@ -56,7 +56,7 @@ def solve(
         SciPy's sequential quadratic programming on the condensed program; the compiled
         interior-point method of dmoc; IPOPT; Uno.  The last two are extras.  The default is
         "slsqp", with a tolerance, contacts that last, hits with friction, peaks in the objective or
-        more than 2000 inputs "ipm" if the kernels are compiled.
+        more than 1000 inputs "ipm" if the kernels are compiled.
     tolerance : float, optional
         Refine the mesh, beginning with the problem's steps, until the estimated relative error of
         cost, durations and positions and the simulated errors over segments are below it.  The
