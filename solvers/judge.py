@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from dmoc.program.transcription import Transcription
-from dmoc.solvers.kkt import LEAST_COST, residuals
+from dmoc.solvers.kkt import LEAST_COST, residuals, rounding
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
 
 # A larger violation, relative to the sizes of the constraints, where a method gets no further
@@ -15,6 +15,8 @@ INFEASIBLE = 1e-6
 # On fine meshes rounding errors end a solve before it is sharp.  A point with these residuals
 # counts as solved there: the cost is wrong by the square of the optimality only.
 ROUNDED_OPTIMALITY, ROUNDED_VIOLATION = 1e-5, 1e-9
+# A row that is violated by at most so many of its rounding errors counts as kept.
+ROUNDINGS = 2.0
 # What the method alone knows, and what a point that meets no tolerance cannot tell.
 LIMITS = (Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 
@@ -48,11 +50,24 @@ def judged(nlp: Transcription, ending: Ending, options: Options) -> Outcome:
     duals, left = ending.duals, residuals(nlp, ending.x, ending.duals)
     if abs(nlp.cost(ending.x)) <= LEAST_COST:
         duals, left = min(((duals, left), _without_duals(nlp, ending)), key=_optimality)
-    status = verdict(ending.status, left, options)
+    status = verdict(ending.status, _beyond_rounding(nlp, ending, left, options), options)
     detail = ending.detail or f"optimality {left.optimality:.1e}, violation {left.violation:.1e}"
     if status is Status.SOLVED:
         detail = ""
     return Outcome(status, detail, ending.x, duals, ending.iterations, left)
+
+
+def _beyond_rounding(
+    nlp: Transcription, ending: Ending, left: Residuals, options: Options
+) -> Residuals:
+    """Residuals in which rows count as kept that are violated by rounding errors alone."""
+    if not options.violation < left.violation <= ROUNDED_VIOLATION:
+        return left
+    wrong = np.concatenate([np.abs(nlp.equality(ending.x)), -nlp.inequality(ending.x)])
+    kept = wrong <= ROUNDINGS * rounding(nlp, ending.x)
+    outside = np.maximum(nlp.lower - ending.x, ending.x - nlp.upper).max(initial=0.0)
+    worst = max(wrong[~kept].max(initial=0.0), outside)
+    return Residuals(left.optimality, float(worst))
 
 
 def _without_duals(nlp: Transcription, ending: Ending) -> tuple[Duals, Residuals]:

@@ -67,6 +67,14 @@ def violation(nlp: Transcription, x: Array) -> float:
     return missed_by(x, nlp.lower, nlp.upper, nlp.equality(x), nlp.inequality(x))
 
 
+def rounding(nlp: Transcription, x: Array) -> Array:
+    """A rounding error of each row at x, shape (n,), by its terms of first order, relative to its
+    size; shape (n_eq + n_in,)."""
+    terms = [abs(slopes) @ np.abs(x)
+             for slopes in (nlp.equality_jacobian(x), nlp.inequality_jacobian(x))]  # fmt: skip
+    return np.asarray(np.finfo(float).eps * np.concatenate(terms))
+
+
 def worst_constraints(nlp: Transcription, x: Array) -> list[str]:
     """Name the most violated constraints with their violations, one for each kind."""
     violated = np.concatenate([np.abs(nlp.equality(x)), -nlp.inequality(x)])

@@ -12,8 +12,10 @@ from methods import INSTALLED
 
 import dmoc
 from dmoc.guess.automatic import initial_guesses
+from dmoc.models.registry import find
 from dmoc.program.layout import Layout
 from dmoc.program.scaling import scale_of
+from dmoc.solvers.ipm import solve_ipm
 from dmoc.solvers.judge import INFEASIBLE, judged, rounded, verdict
 from dmoc.solvers.kkt import residuals
 from dmoc.solvers.outcome import Duals, Ending, Options, Outcome, Residuals, Status
@@ -45,6 +47,25 @@ def test_residuals_decide_whatever_a_method_claims(left: Residuals, status: Stat
 def test_a_violation_that_is_none_but_rounding_is_told_apart_from_a_small_one() -> None:
     for violation, status in ((1e-5, Status.INFEASIBLE), (1e-7, Status.STALLED)):
         assert verdict(Status.STALLED, Residuals(1e-9, violation), Options()) is status
+
+
+def test_rounding_errors_of_rows_are_no_violation() -> None:
+    """On a fine mesh momenta are differences of positions that are large beside them: the rows of a
+    minimum are violated by more than the tolerance, those beside it by more than rounding."""
+    reference = find("puck_table")
+    problem = dmoc.Problem(reference.kernels(), **{**reference.defaults, "steps": 100})
+    coarse = dmoc.solve(problem, "ipm", starts=1, verify=False)
+    fine = problem.but(steps=600)
+    s = dmoc.solve(fine, "ipm", guess=coarse, starts=1, verify=False)
+    assert s.status == "solved" and s.iterations < 60
+    assert Options().violation < s.max_violation < 1e-9
+    scale = scale_of(fine, s.unknowns, True)
+    nlp = Programs(fine, scale).program()
+    end = solve_ipm(nlp, nlp.scaled(s.unknowns), Options())
+    assert end.status is Status.SOLVED
+    off = 1 + 2.5 * np.finfo(float).eps * np.random.default_rng(1).uniform(-1, 1, nlp.n)
+    beside = judged(nlp, Ending(Status.SOLVED, "", end.x * off, end.duals, 1), Options())
+    assert beside.status is Status.STALLED and rounded(beside.left)
 
 
 def test_a_point_beyond_a_bound_is_no_solution() -> None:
