@@ -131,16 +131,16 @@ def test_slopes_are_those_of_an_implicit_function(kind: Any) -> None:
 
 
 def test_the_lower_of_two_valleys_is_found() -> None:
-    """Of cos 2 s + a cos(s - b), whose least place is near a quarter of a turn, by a fine grid."""
+    """Of cos(2 s - c) + a cos(s - b), with two valleys of nearly the same depth, by a fine grid."""
     rng = np.random.default_rng(3)
-    a, b = rng.uniform(-1, 1, 2000), rng.uniform(0, 7, 2000)
+    a, (b, c) = rng.uniform(-0.1, 0.1, 2000), rng.uniform(0, 7, (2, 2000))
 
     def terms(z: Any, _: Any) -> Any:
         s = z[-1]
         return (
-            np.cos(2 * s) + a * np.cos(s - b),
-            -2 * np.sin(2 * s) - a * np.sin(s - b),
-            -4 * np.cos(2 * s) - a * np.cos(s - b),
+            np.cos(2 * s - c) + a * np.cos(s - b),
+            -2 * np.sin(2 * s - c) - a * np.sin(s - b),
+            -4 * np.cos(2 * s - c) - a * np.cos(s - b),
         )
 
     angle = least_angle(terms, [], 12)
