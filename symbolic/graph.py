@@ -177,7 +177,7 @@ class Graph:
         node = self._nodes.get(key)
         if node is None:
             if kind == SUM:
-                _check_finite(value, *(coefficient for _, coefficient in parts))
+                _check_finite(value, *[coefficient for _, coefficient in parts])
             node = self._nodes[key] = GraphNode(self, len(self._nodes), kind, value, parts)
         return node
 
@@ -207,7 +207,8 @@ class Graph:
                 ((node, factor),) = node.parts
                 coefficient *= factor
             merged[node] = merged.get(node, 0.0) + coefficient
-        constant += _cancel(merged)
+        if len(merged) > 1:
+            constant += _cancel(merged)
         parts = _parts(merged)
         if not parts:
             return self.node(constant)
@@ -215,11 +216,15 @@ class Graph:
             alone = not constant and parts[0][1] == 1
             return parts[0][0] if alone else self.make(SUM, constant + 0.0, parts)
         first = parts[0][1]  # a sum and its multiple share what they have in common
-        alike = all(abs(c) == abs(first) for _, c in parts)
-        alike = alike and is_normal(constant / first)
+        size = abs(first)
+        alike = is_normal(constant / first)
+        for _, c in parts:
+            alike = alike and abs(c) == size
         common = first if alike else math.copysign(1.0, first)
-        plain = self.make(SUM, constant / common + 0.0, tuple((n, c / common) for n, c in parts))
-        return plain if common == 1 else self.make(SUM, 0.0, ((plain, common),))
+        if common == 1:
+            return self.make(SUM, constant + 0.0, parts)
+        plain = self.make(SUM, constant / common + 0.0, tuple([(n, c / common) for n, c in parts]))
+        return self.make(SUM, 0.0, ((plain, common),))
 
     def product(self, factors: Iterable[tuple[GraphNode, float]]) -> GraphNode:
         """The product of nodes with numbers as exponents."""
@@ -230,18 +235,19 @@ class Graph:
             node, e = waiting.pop()
             if not e:
                 continue
-            whole = e == int(e)
-            if node.kind == NUMBER and (whole or node.value >= 0):
-                coefficient *= _power(node.value, e)
-            elif whole and node.kind == SUM and len(node.parts) == 1 and not node.value:
+            kind, once = node.kind, e == 1
+            whole = once or e == int(e)
+            if whole and kind == SUM and len(node.parts) == 1 and not node.value:
                 ((inner, factor),) = node.parts
-                coefficient *= _power(factor, e)
+                coefficient *= factor if once else _power(factor, e)
                 waiting.append((inner, e))
-            elif node.kind == PRODUCT and e == 1:  # its parts are none of those above
+            elif once and kind == PRODUCT:  # its parts are none of those above or below
                 for n, other in node.parts:
                     merged[n] = merged.get(n, 0) + other
-            elif whole and node.kind == PRODUCT:
+            elif whole and kind == PRODUCT:
                 waiting += [(n, other * e) for n, other in node.parts]
+            elif kind == NUMBER and (whole or node.value >= 0):
+                coefficient *= _power(node.value, e)
             else:
                 merged[node] = merged.get(node, 0) + e
         parts = _parts(merged)

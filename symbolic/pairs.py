@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from itertools import combinations
 from typing import TypeAlias
 
@@ -28,16 +28,20 @@ def share_pairs(
     owners: dict[tuple[int, int, float], set[GraphNode]] = defaultdict(set)
     heap: list[tuple[int, int, int, float]] = []
 
-    def enter(owner: GraphNode, x: Part, y: Part) -> None:
-        (a, weight), (b, other) = (x, y) if x[0].number <= y[0].number else (y, x)
+    def enter(owner: GraphNode, x: Part, y: Part, waiting: bool = True) -> None:
+        i, j = x[0].number, y[0].number
+        if i <= j:
+            (a, weight), (b, other) = x, y
+        else:
+            (a, weight), (b, other), i, j = y, x, j, i
         ratio = other / weight
-        if not is_normal(ratio) or not is_normal(weight / other):
+        if ratio != 1.0 and not (is_normal(ratio) and is_normal(weight / other)):
             return
-        nodes[a.number], nodes[b.number] = a, b
-        key = (a.number, b.number, ratio)
-        owners[key].add(owner)
-        if len(owners[key]) > 1:
-            heappush(heap, (-len(owners[key]), *key))
+        nodes[i], nodes[j] = a, b
+        having = owners[i, j, ratio]
+        having.add(owner)
+        if waiting and len(having) > 1:
+            heappush(heap, (-len(having), i, j, ratio))
 
     # What one owner has alone is in no pair that others have.
     owners_of: dict[GraphNode, dict[GraphNode, None]] = defaultdict(dict)
@@ -60,7 +64,9 @@ def share_pairs(
 
     for owner, own in parts.items():
         for x, y in combinations(shared(own), 2):
-            enter(owner, x, y)
+            enter(owner, x, y, False)
+    heap += [(-len(having), *key) for key, having in owners.items() if len(having) > 1]
+    heapify(heap)
     while heap:
         count, *key_of = heappop(heap)
         i, j, ratio = key = (int(key_of[0]), int(key_of[1]), key_of[2])

@@ -30,10 +30,17 @@ def reached(results: Iterable[GraphNode]) -> list[GraphNode]:
 def operations(results: Iterable[GraphNode]) -> int:
     """About how many operations results take."""
     count = 0
-    for node in reached(results):
+    seen: set[GraphNode] = set()
+    waiting = [*results]
+    while waiting:
+        node = waiting.pop()
+        if node in seen or not node.parts:
+            continue
+        seen.add(node)
+        waiting += node.children
         if node.kind in (SUM, PRODUCT):
-            count += len(node.parts) - 1 + sum(abs(weight) != 1 for _, weight in node.parts)
-        elif node.parts:
+            count += len(node.parts) - 1 + sum([abs(weight) != 1 for _, weight in node.parts])
+        else:
             count += 1
     return count
 
@@ -51,10 +58,11 @@ def in_order(
             order.append(waiting.pop())
         elif node not in seen:
             seen.add(node)
-            own = operands(node)
+            own = [n for n in operands(node) if n not in seen]
             if own:
                 waiting += (node, None)
-                waiting += [n for n in own[::-1] if n not in seen]
+                own.reverse()
+                waiting += own
             else:
                 order.append(node)
     return order
