@@ -56,7 +56,8 @@ def words_of(code: Listing) -> set[str]:
 
 def operations(code: Listing) -> int:
     """About how many operations a listing has."""
-    return sum(row.operations for row in _rows(code))
+    texts = [text for _, text in (*code.statements, *code.results)]
+    return len(texts) + len(_OPERATION.findall("\n".join(texts)))
 
 
 def cut(code: Listing, most: int) -> tuple[list[Listing | list[str]], int]:

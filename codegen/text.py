@@ -26,6 +26,8 @@ from dmoc.codegen.schedule import called_of, functions_of
 from dmoc.symbolic.called import Function, Least
 from dmoc.symbolic.spec import FunctionSpec, Input, KernelSpec, ModelSpec, Output
 
+_CODE = "@@"  # stands for the digest of the text around it
+
 
 @uncollected()
 def c_files(model: ModelSpec) -> dict[str, str]:
@@ -49,7 +51,9 @@ def c_files(model: ModelSpec) -> dict[str, str]:
         "inputs": inputs,
         "legend": _legend(model),
     }
-    return _files(model, facts, _digest(_files(model, facts, "")))
+    files = _files(model, facts | {"code": _CODE})
+    digest = _digest({name: text.replace(_CODE, "") for name, text in files.items()})
+    return {name: text.replace(_CODE, digest) for name, text in files.items()}
 
 
 def _numbered(functions: Sequence[dict[str, Any]]) -> int:
@@ -64,11 +68,12 @@ def _numbered(functions: Sequence[dict[str, Any]]) -> int:
     return len(units)
 
 
-def _files(model: ModelSpec, facts: dict[str, Any], code: str) -> dict[str, str]:
-    """The files with the digest of their content, which manifest and table hold."""
-    files = {name: _render(name, facts | {"code": code}) for name in ("kernels.h", "kernels.c")}
+def _files(model: ModelSpec, facts: dict[str, Any]) -> dict[str, str]:
+    """The files with what stands for the digest of their content in manifest and table."""
+    files = {name: _render(name, facts) for name in ("kernels.h", "kernels.c")}
     files["__init__.py"] = f'"""Generated kernels of the model {model.name}."""\n'
-    files["manifest.json"] = json.dumps({"code": code, **manifest(model)}, indent=1) + "\n"
+    described = {"code": facts["code"], **manifest(model)}
+    files["manifest.json"] = json.dumps(described, indent=1) + "\n"
     return files
 
 

@@ -9,7 +9,7 @@ from itertools import chain
 
 from dmoc.symbolic.graph import PRODUCT, SUM, GraphNode
 from dmoc.symbolic.pairs import Part, with_shared_sums
-from dmoc.symbolic.traversal import operations, reached
+from dmoc.symbolic.traversal import operations, reached, remembered
 
 # Operations of rows from which on no other way to write them is looked for.
 LONG = 5000
@@ -33,7 +33,8 @@ def shared(rows: list[list[GraphNode]]) -> list[list[GraphNode]]:
 
 
 def _cost(rows: list[list[GraphNode]]) -> int:
-    return operations(with_common_factors([e for row in rows for e in row]))
+    entries = [e for row in rows for e in row if e is not e.graph.zero]
+    return operations(with_common_factors(entries))
 
 
 def flat(terms: Sequence[tuple[GraphNode, GraphNode]]) -> GraphNode:
@@ -46,6 +47,7 @@ def flat(terms: Sequence[tuple[GraphNode, GraphNode]]) -> GraphNode:
     return terms[0][1].graph.sum(parts)
 
 
+@remembered
 def with_common_factors(results: Sequence[GraphNode]) -> list[GraphNode]:
     """The same expressions, where sums stand behind the common factors of terms that nobody else
     needs."""

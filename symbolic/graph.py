@@ -168,6 +168,7 @@ class Graph:
     symbols: list[GraphNode] = field(default_factory=list)
     called: dict[Any, Any] = field(default_factory=dict)  # functions by what they are made of
     _nodes: dict[tuple[Any, ...], GraphNode] = field(default_factory=dict)
+    forms: dict[tuple[Any, ...], list[GraphNode]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.zero, self.one = self.node(0.0), self.node(1.0)

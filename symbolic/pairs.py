@@ -9,7 +9,7 @@ from itertools import combinations
 from typing import TypeAlias
 
 from dmoc.symbolic.graph import SUM, GraphNode, is_normal
-from dmoc.symbolic.traversal import in_order, reached
+from dmoc.symbolic.traversal import in_order, reached, remembered
 
 Part: TypeAlias = tuple[GraphNode, float]
 
@@ -111,6 +111,7 @@ def _has(own: Sequence[Part], a: GraphNode, b: GraphNode, ratio: float) -> bool:
     return first is not None and second is not None and second / first == ratio
 
 
+@remembered
 def with_shared_sums(results: Sequence[GraphNode]) -> list[GraphNode]:
     """The same expressions with nested sums: SymPy writes them as flat ones."""
     parts = {

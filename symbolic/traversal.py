@@ -68,6 +68,22 @@ def in_order(
     return order
 
 
+def remembered(
+    form: Callable[[Sequence[GraphNode]], list[GraphNode]],
+) -> Callable[[Sequence[GraphNode]], list[GraphNode]]:
+    """Another form of the same results, which is made once."""
+
+    def known(results: Sequence[GraphNode]) -> list[GraphNode]:
+        if not results:
+            return []
+        forms, key = results[0].graph.forms, (form, *results)
+        if key not in forms:
+            forms[key] = form(results)
+        return forms[key]
+
+    return known
+
+
 def evaluated(
     results: Sequence[GraphNode], values: Mapping[GraphNode, Any], functions: Any
 ) -> list[Any]:
