@@ -36,6 +36,7 @@ from dmoc.symbolic.arrangement import flat
 from dmoc.symbolic.continuous import Continuous, dot, sum_of
 from dmoc.symbolic.graph import gradient
 from dmoc.symbolic.quadrature import lobatto_nodes, quadrature, shape_functions
+from dmoc.symbolic.slopes import slope
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class StepElement:
 
     def D(self, expression: Any, i: int) -> Any:
         """Total derivative of an expression in :attr:`symbols` with respect to ``x_k[i]``."""
-        return self._total(expression.diff, i)
+        return self._total(lambda s: slope(expression, s), i)
 
     def chain(self, partial: Callable[[Sequence[Any]], list[Any]]) -> list[Any]:
         """Total derivatives with respect to all of x_k from the partial ones by
@@ -168,7 +169,7 @@ class StepElement:
 
     def gradient(self, expression: Any, begin: int = 0) -> list[Any]:
         """Total derivatives with respect to x_k from a place on; nodes share partial ones."""
-        by = cache(expression.diff)
+        by = cache(lambda s: slope(expression, s))
         return [self._total(by, i) for i in range(begin, len(self.x_k))]
 
     def jacobian(self, expressions: Sequence[Any]) -> list[list[Any]]:
@@ -177,8 +178,8 @@ class StepElement:
     def hessian(self, expression: Any) -> list[list[Any]]:
         """Upper triangle of the second total derivative of an expression of SymPy; the strict lower
         triangle is zero.  Nodes share partial derivatives, of the second order too."""
-        first = cache(expression.diff)
-        second = cache(lambda a, b: first(a).diff(b))
+        first = cache(lambda a: slope(expression, a))
+        second = cache(lambda a, b: slope(first(a), b))
 
         def row(i: int) -> list[Any]:
             parts = [(sp.sympify(c), a) for c, a in self._parts(lambda a: a, i)]

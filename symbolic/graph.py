@@ -18,7 +18,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dmoc.base.errors import GenerationError
-from dmoc.symbolic.slopes import SLOPES
+from dmoc.symbolic.slopes import SLOPES, slope
 
 if TYPE_CHECKING:
     from dmoc.symbolic.scalar import Scalar
@@ -334,8 +334,9 @@ def _cancel(terms: dict[GraphNode, float]) -> float:
 
 def _parts(merged: Mapping[GraphNode, float]) -> tuple[tuple[GraphNode, float], ...]:
     """Nodes and their weights but for those without any, in the order of the nodes."""
-    nodes = sorted(merged, key=NUMBER_OF) if len(merged) > 1 else merged
-    return tuple([(n, c) for n in nodes if (c := merged[n])])
+    if len(merged) == 1:
+        return tuple([part for part in merged.items() if part[1]])
+    return tuple([(n, c) for n in sorted(merged, key=NUMBER_OF) if (c := merged[n])])
 
 
 def _power(base: float, exponent: float) -> float:
@@ -399,4 +400,4 @@ def gradient(expression: Any, symbols: Sequence[Any]) -> list[Any]:
     """Partial derivatives of a node, or of an expression of SymPy."""
     if isinstance(expression, GraphNode):
         return reverse(expression, symbols)
-    return [expression.diff(s) for s in symbols]
+    return [slope(expression, s) for s in symbols]

@@ -1,9 +1,12 @@
-"""Derivatives of functions by their arguments."""
+"""Derivatives of functions by their arguments, and of expressions of SymPy."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
 
 if TYPE_CHECKING:
     from dmoc.symbolic.graph import Graph, GraphNode
@@ -32,3 +35,30 @@ SLOPES: dict[str, Callable[..., tuple[GraphNode, ...]]] = {
     "exp": lambda g, x: (g.apply("exp", x),),
     "pow": _of_power,
 }
+
+
+def slope(expression: Any, symbol: Any) -> Any:
+    """What ``expression.diff(symbol)`` is.  SymPy asks every factor of a product for its derivative
+    once for each other factor, and every part for all symbols in it."""
+    if isinstance(expression, sp.Basic) and isinstance(symbol, sp.Symbol):
+        return _slope(expression, symbol)
+    return expression.diff(symbol)  # of a node, which knows what it was asked
+
+
+@lru_cache(maxsize=20_000)
+def _slope(expression: Any, symbol: Any) -> Any:
+    if isinstance(expression, sp.Add):
+        return sp.Add(*(_slope(e, symbol) for e in expression.args if symbol in _symbols(e)))
+    if isinstance(expression, sp.Mul):
+        parts = expression.args
+        holding = [i for i, e in enumerate(parts) if symbol in _symbols(e)]
+        return sp.Add(
+            *(sp.Mul(*parts[:i], _slope(parts[i], symbol), *parts[i + 1 :]) for i in holding)
+        )
+    return expression.diff(symbol)
+
+
+@lru_cache(maxsize=20_000)
+def _symbols(expression: Any) -> frozenset[Any]:
+    parts = expression.args
+    return frozenset().union(*map(_symbols, parts)) if parts else frozenset(expression.free_symbols)

@@ -147,15 +147,26 @@ def latex_of(expression: Any) -> str:
 
 
 def _text(equation: Equation) -> str:
-    pretty = sp.pretty(equation.right, use_unicode=False, wrap_line=False, num_columns=10_000)
-    lines = pretty.split("\n")
-    head = f"  {equation.name} = "
-    if max(map(len, lines)) + len(head) > WIDTH:
+    head, lines = f"  {equation.name} = ", list[str]()
+    if _least_width(equation.right) + len(head) <= WIDTH:
+        pretty = sp.pretty(equation.right, use_unicode=False, wrap_line=False, num_columns=10_000)
+        lines = pretty.split("\n")
+    if not lines or max(map(len, lines)) + len(head) > WIDTH:
         return f"{head}{sp.sstr(equation.right)}"
     middle = len(lines) // 2
     return "\n".join(
         (head if i == middle else " " * len(head)) + line for i, line in enumerate(lines)
     ) + ("\n" if len(lines) > 1 else "")
+
+
+def _least_width(expression: Any) -> int:
+    """Letters that an expression has in a row at least: terms stand beside each other, factors may
+    stand above each other."""
+    if isinstance(expression, sp.Add):
+        return sum(_least_width(e) + 3 for e in expression.args) - 3
+    if isinstance(expression, sp.Mul):
+        return max(map(_least_width, expression.args))
+    return _least_width(expression.base) if isinstance(expression, sp.Pow) else 1
 
 
 def definition(
