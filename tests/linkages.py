@@ -24,13 +24,13 @@ LINKS = [
 GRAVITY = 9.81
 
 
-def arm() -> dmoc.MechanicalSystem:
-    """Three hinges in space with torques."""
+def arm(hinges: int = 3) -> dmoc.MechanicalSystem:
+    """Three hinges in space with torques, or the last of them."""
     world = dmoc.spatial.World(gravity=GRAVITY)
     link: dmoc.spatial.Body = world
-    torques = dynamicsymbols("u1:4")
-    joints = zip(dynamicsymbols("q1:4"), torques, ARM_AXES, LINKS, strict=True)
-    for q, u, axis, (tip, mass, centre, moments) in joints:
+    torques = dynamicsymbols("u1:4")[-hinges:]
+    joints = list(zip(dynamicsymbols("q1:4"), dynamicsymbols("u1:4"), ARM_AXES, LINKS, strict=True))
+    for q, u, axis, (tip, mass, centre, moments) in joints[-hinges:]:
         link = link.hinge(q, axis, tip=tip, mass=mass, centre=centre, inertia=moments, torque=u)
     return world.system("arm", inputs=torques, cost=1)
 

@@ -7,10 +7,11 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 import pytest
@@ -66,6 +67,17 @@ PENDULUM = """<robot name="pendulum"><link name="stand"/><link name="rod"><inert
 <mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="hip" type="continuous"><parent link="stand"/><child link="rod"/></joint></robot>"""
 PARTS = 4  # of all functions, for a processor each
+
+
+class InThread(ThreadPoolExecutor):
+    """Instead of worker processes, of which each would take a second to start."""
+
+    _processes: ClassVar[dict[int, Any]] = {}
+
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__(1)
+
+
 # What Python and NumPy say.
 FOREIGN = re.compile(
     r"Traceback|NoneType|ndarray|object is not|must be|could not|cannot convert|unsupported|"
@@ -232,6 +244,7 @@ def test_every_wrong_value_is_taken_or_refused_in_one_sentence(
     part: int,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("dmoc.solving.processes.ProcessPoolExecutor", InThread)
     tried, wrong = 0, []
     for what, (call, keywords) in [*calls.items()][part::PARTS]:
         for parameter in parameters_of(call):

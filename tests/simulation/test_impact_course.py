@@ -162,14 +162,20 @@ def tolerances(small: np.ndarray) -> Any:
 def viscous(model: Model, q: np.ndarray, v: np.ndarray, mu: tuple[float, float]) -> np.ndarray:
     """The velocity after a plastic impact on two contacts that are compressed in proportion, each
     as a stiff damper that pushes with what its rate exceeds (1 - tau) times that before it."""
-    N, t, inverse = model.gap_slopes(q)[:, :-1], model.tangent_slopes(q)[:, :-1], model.mass(q)
-    inverse, stiff, parts, v = np.linalg.inv(inverse), 400.0, 40_000, v.copy()
-    before, soft = np.maximum(N @ v, 0.0), 1e-4 * np.abs(v).max()
-    for tau in np.arange(2 * parts) / parts:
-        push = np.maximum(N @ v - max(1 - tau, 0.0) * before, 0.0) * stiff / parts
-        rub = -np.clip(t @ v / soft, -1, 1) * mu * push
-        v += inverse @ (rub @ t - push @ N)
-    return v
+    rows = np.vstack([model.gap_slopes(q)[:, :-1], model.tangent_slopes(q)[:, :-1]])
+    inverse, stiff, parts = np.linalg.inv(model.mass(q)), 400.0, 40_000
+    w, soft = (rows @ v).tolist(), 1e-4 * float(np.abs(v).max())
+    before, total = [max(rate, 0.0) for rate in w[:2]], [0.0] * 4
+    columns = (rows @ inverse @ rows.T).tolist()  # of rates by impulses, plain numbers
+    for k in range(2 * parts):
+        share = max(1 - k / parts, 0.0)
+        a, b = (max(w[i] - share * before[i], 0.0) * stiff / parts for i in (0, 1))
+        c, d = (
+            -max(-1.0, min(1.0, w[2 + i] / soft)) * mu[i] * push for i, push in enumerate((a, b))
+        )
+        w = [x + p * c - m * a + s * d - n * b for x, (m, n, p, s) in zip(w, columns, strict=True)]
+        total = [total[0] - a, total[1] - b, total[2] + c, total[3] + d]
+    return np.asarray(v + inverse @ (total @ rows))
 
 
 TURNS = (  # half-width, half-height, tilt, rates, mu

@@ -84,12 +84,12 @@ def test_a_mass_on_a_rod_is_a_pendulum(backend: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_thousand_bounces_of_a_linkage_without_drift() -> None:
+def test_hundreds_of_bounces_of_a_linkage_without_drift() -> None:
     """Between two walls, so fast that in the end the clock knows a moment less well than the
     gap."""
     model = bob(surfaces={"right": X <= 0.5, "left": X >= -0.5})
-    run = dmoc.simulate(model, [0, -1], [300, 0], step_size=0.002, steps=2100, every=20)
-    assert len(run.collisions) >= 1_200
+    run = dmoc.simulate(model, [0, -1], [300, 0], step_size=0.002, steps=1050, every=20)
+    assert len(run.collisions) >= 600
     assert np.abs((run.q**2).sum(axis=1) - 1).max() < 1e-15
     assert np.abs(run.energy / run.energy[0] - 1).max() < 1e-10
 

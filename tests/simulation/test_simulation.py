@@ -43,15 +43,15 @@ def test_elastic_ball_ends_where_it_should(ball: Kernels) -> None:
 
 
 @pytest.mark.slow
-def test_ten_thousand_bounces_without_energy_drift(bouncing: Kernels) -> None:
-    run = dmoc.simulate(bouncing, [0.5], step_size=0.02, steps=515_000, every=103)
-    assert len(run.collisions) >= 10_000
+def test_three_thousand_bounces_without_energy_drift(bouncing: Kernels) -> None:
+    run = dmoc.simulate(bouncing, [0.5], step_size=0.02, steps=154_500, every=103)
+    assert len(run.collisions) >= 3_000
     error = run.energy - run.energy[0]
     tenth = len(error) // 10
     drift = error[-tenth:].mean() - error[:tenth].mean()
     assert abs(drift) < 2e-2 * np.abs(error).max()
     speeds = np.array([abs(c.momentum_before[0]) for c in run.collisions])
-    assert np.ptp([speeds[:1000].mean(), speeds[-1000:].mean()]) < 5e-4 * speeds.mean()
+    assert np.ptp([speeds[:500].mean(), speeds[-500:].mean()]) < 5e-4 * speeds.mean()
 
 
 def test_tangential_momentum_is_kept_through_collisions(pendulum: Kernels) -> None:

@@ -18,7 +18,6 @@ from systems import block_system, puck_system
 
 import dmoc
 from dmoc.codegen.kernels import Kernels
-from dmoc.models.registry import build
 from dmoc.program.transcription import Transcription
 
 pytestmark = pytest.mark.slow
@@ -64,7 +63,7 @@ def test_derivatives_equal_differences(
 ) -> None:
     rng = np.random.default_rng(seed)
     problem = dmoc.Problem(
-        build(system, order=order, backend="numpy"),
+        dmoc.build(system, order=order),
         start={"a": 0.0, "b": (-1, 1), "a_dot": (-1, 1)}, sequence=["wall"], steps=[2, 2],
         final_time=(0.1, 1.0), restitution=rng.uniform(), periodic=["b_dot"],
     )  # fmt: skip
