@@ -218,9 +218,7 @@ class Graph:
             return parts[0][0] if alone else self.make(SUM, constant + 0.0, parts)
         first = parts[0][1]  # a sum and its multiple share what they have in common
         size = abs(first)
-        alike = is_normal(constant / first)
-        for _, c in parts:
-            alike = alike and abs(c) == size
+        alike = is_normal(constant / first) and all([abs(c) == size for _, c in parts])
         common = first if alike else math.copysign(1.0, first)
         if common == 1:
             return self.make(SUM, constant + 0.0, parts)
@@ -236,8 +234,7 @@ class Graph:
             node, e = waiting.pop()
             if not e:
                 continue
-            kind, once = node.kind, e == 1
-            whole = once or e == int(e)
+            kind, once, whole = node.kind, e == 1, e == int(e)
             if whole and kind == SUM and len(node.parts) == 1 and not node.value:
                 ((inner, factor),) = node.parts
                 coefficient *= factor if once else _power(factor, e)
