@@ -218,7 +218,7 @@ class Graph:
             return parts[0][0] if alone else self.make(SUM, constant + 0.0, parts)
         first = parts[0][1]  # a sum and its multiple share what they have in common
         size = abs(first)
-        alike = is_normal(constant / first) and all([abs(c) == size for _, c in parts])
+        alike = is_normal(constant / first) and all(abs(c) == size for _, c in parts)
         common = first if alike else math.copysign(1.0, first)
         if common == 1:
             return self.make(SUM, constant + 0.0, parts)
