@@ -32,6 +32,9 @@ Define = Callable[[Any], Any]
 PARALLEL = sp.Float(1e-12)
 STEEP = sp.Integer(10**6)  # by how much what does not count is made larger
 FAR = sp.Integer(10**15)  # so much larger that lengths of what is parallel do not count
+# Parts of a radius by which a distance of features may differ from the gap of both shapes: as much
+# as where attitudes are none, between the iterates of a solver.
+SLACK = sp.Float(1e-3)
 AXIS = (sp.S.Zero, sp.S.Zero, sp.S.One)
 SIGNS = (sp.S.One, sp.S.NegativeOne)
 
@@ -156,7 +159,8 @@ def _gaps(pose: Pose, define: Define) -> Iterator[Any]:
             gap, n = features.found(pose, own, define)
             gap, n = define(gap), defined(n, define)
             between = define(along(pose, n, defined(pose.back(n), define), define))
-            yield define(between - STEEP * sp.Max(gap - between, 0))
+            off = sp.Abs(gap - between) - SLACK * pose.a.sizes[0]
+            yield define(between - STEEP * sp.Max(off, 0))
 
 
 def _direction(pose: Pose, number: Any, define: Define) -> tuple[Vector, Vector]:
