@@ -119,7 +119,7 @@ def _run(
     least: float = LEAST,
 ) -> Ending:
     x = np.clip(x, nlp.lower, nlp.upper)
-    start = duals or Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    start = duals or Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
     y = start.rows
     z_lower, z_upper = np.maximum(start.z, 0.0), np.maximum(-start.z, 0.0)
     report, count = _listener(options)

@@ -74,7 +74,7 @@ def _without_duals(nlp: Transcription, ending: Ending) -> tuple[Duals, Residuals
     """The point with multipliers of zero, which are those of a minimum where the cost does not
     change: those that a method ends with are what its barrier has left there, over a cost that is
     next to none."""
-    none = Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    none = Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
     return none, residuals(nlp, ending.x, none)
 
 

@@ -106,6 +106,11 @@ class Duals:
     z: Array
 
     @classmethod
+    def none(cls, n_eq: int, n_in: int, n: int, *programs: int) -> Duals:
+        """Multipliers of zero, shapes (..., n_eq), (..., n_in) and (..., n) of so many programs."""
+        return cls(*(np.zeros((*programs, size)) for size in (n_eq, n_in, n)))
+
+    @classmethod
     def of_rows(cls, n_eq: int, rows: Array, z: Array) -> Duals:
         """Multipliers from those of the rows (c | d), shape (n_eq + n_in,), of which the first n_eq
         are equations, and z, shape (n,)."""

@@ -53,7 +53,7 @@ def solve_rows(
     neighbouring solutions with multipliers of this leading axis."""
     count, lay, warm = len(x), nlp.layout, duals is not None
     if duals is None:
-        duals = Duals(*(np.zeros((count, size)) for size in (nlp.n_eq, nlp.n_in, nlp.n)))
+        duals = Duals.none(nlp.n_eq, nlp.n_in, nlp.n, count)
     programs = RowPrograms.of(nlp, numbers)
     program = Program(nlp.kernels, programs.data, nlp.program)
     point = (

@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
-import numpy as np
-
 from dmoc.base.records import record
 from dmoc.base.tolerances import SAME_COST
 from dmoc.codegen.kernels import Array
@@ -79,7 +77,10 @@ def attempted(
     ``end`` is where the method comes from the first start, if that is known."""
     nlp = programs.program(method.guided)
     points = [nlp.scaled(x) for x in starts.points]
-    minimise = _with(method.minimise(form), starts.duals(nlp))
+    duals = starts.duals(nlp)
+    if starts.near and method.name == COMPILED_METHOD.name:
+        duals = Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
+    minimise = _with(method.minimise(form), duals)
     solver = LocalSolver(programs, minimise if end is None else _after(end, minimise))
     second = METHODS[method.falls_back_on] if method.falls_back_on and programs.compiled else None
     reserve = options.iterations // 2 if second is not None else 0  # for what takes over
@@ -159,7 +160,7 @@ def _explained(solver: LocalSolver, before: Attempt, x: Array, options: Options)
     if before.status in UNDECIDED and not diagnosis.least:
         return before
     # the motion that the conflicts are those of
-    none = Duals(np.zeros(nlp.n_eq), np.zeros(nlp.n_in), np.zeros(nlp.n))
+    none = Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
     end = Ending(Status.INFEASIBLE, "", nlp.scaled(diagnosis.x), none, count)
     return Attempt(nlp, judged(nlp, end, options), diagnosis.sentences).ending(Status.INFEASIBLE)
 

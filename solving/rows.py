@@ -164,6 +164,11 @@ class _RowStarts:
         return self.of_each[-1].minimum
 
     @property
+    def near(self) -> bool:
+        """Whether these minima are on another mesh."""
+        return self.of_each[-1].near
+
+    @property
     def multipliers(self) -> Mapping[str, Array] | None:
         """Multipliers by kind where all start at one solution."""
         return self.of_each[-1].multipliers
@@ -192,6 +197,8 @@ class _Rows:
             y = rows / (numbers.cost[:, None] / numbers.row_sizes)
             z = z / (numbers.cost[:, None] / numbers.sizes)
             duals = Duals(y[:, : nlp.n_eq], y[:, nlp.n_eq :], z)
+        elif starts.near:
+            duals = Duals.none(nlp.n_eq, nlp.n_in, nlp.n, len(x))
         until = deadline.share(FOR_SOLVES) if keywords.verify else deadline
         options = Options(keywords.optimality, keywords.violation, keywords.iterations, until)
         ends = solve_rows(nlp, numbers, x / numbers.sizes, duals, options)

@@ -44,12 +44,14 @@ class Starts:
     """Unknowns to start from, in units of the problem, the best ones first.
 
     ``minimum`` says that they are those of a solution, ``multipliers`` are its multipliers by kind
-    where they fit the mesh.
+    where they fit the mesh.  ``near`` says that it is of the same problem but for numbers, on
+    another mesh: the compiled method begins with a small barrier there, without multipliers.
     """
 
     points: tuple[Array, ...]
     minimum: bool = False
     multipliers: Mapping[str, Array] | None = None
+    near: bool = False
 
     def duals(self, nlp: Transcription) -> Duals | None:
         """The multipliers that were given, as a program takes them."""
@@ -109,7 +111,8 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
         )
     if not _same_mesh(problem, guess):
         impulses = [c.impulse for c in guess.collisions]
-        return Starts((unknowns_along(problem, pieces_of(guess.trajectory), impulses),), True)
+        x = unknowns_along(problem, pieces_of(guess.trajectory), impulses)
+        return Starts((x,), True, near=tuple(c.word for c in guess.collisions) == problem.words)
     same = tuple(c.word for c in guess.collisions) == problem.words
     return Starts((guess.unknowns.copy(),), True, guess.multipliers if same else None)
 
