@@ -55,7 +55,7 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
         base = min(request.options.optimality, max(tolerance, BASE_OPTIMALITY))
         of_mesh = replace(request.within(optimality=base), verify=False)
     asked, first = (replace(of, begun=None) for of in (request, of_mesh))
-    case, answer, without = Case(problem, guess, asked, first), None, ""
+    case, answer, other, without = Case(problem, guess, asked, first), None, None, ""
     answers = answers_on_mesh(problem, guess, of_mesh)
     best = next(answers)
     if best is None:
@@ -63,11 +63,13 @@ def best_answer(problem: Problem, guess: InitialGuess, request: Request) -> Solu
             from dmoc.solving.other_forms import in_other_form  # here, because it is rare
 
             other, without = in_other_form(problem, request, best_answer)
-            if other is not None:
+            if other is not None and other.status is not Status.GRAZES:
                 return other
         best = next(filter(None, answers))
     try:
         answer = _told(best, case)
+        if other is not None and not answer.minimum:
+            return other
         answer = saying(answer, without) if without and not answer.minimum else answer
         for later in filter(None, answers) if request.thorough else ():
             told = _told(later, case)

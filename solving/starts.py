@@ -44,7 +44,7 @@ class Starts:
     """Unknowns to start from, in units of the problem, the best ones first.
 
     ``minimum`` says that they are those of a solution, ``multipliers`` are its multipliers by kind
-    where they fit the mesh.  ``near`` says that it is of the same problem but for numbers, on
+    where they fit the mesh.  ``near`` says that it is a minimum of the same events on
     another mesh: the compiled method begins with a small barrier there, without multipliers.
     """
 
@@ -112,7 +112,8 @@ def _from_solution(problem: Problem, guess: Solution) -> Starts:
     if not _same_mesh(problem, guess):
         impulses = [c.impulse for c in guess.collisions]
         x = unknowns_along(problem, pieces_of(guess.trajectory), impulses)
-        return Starts((x,), True, near=tuple(c.word for c in guess.collisions) == problem.words)
+        near = guess.minimum and tuple(c.word for c in guess.collisions) == problem.words
+        return Starts((x,), True, near=near)
     same = tuple(c.word for c in guess.collisions) == problem.words
     return Starts((guess.unknowns.copy(),), True, guess.multipliers if same else None)
 
