@@ -31,7 +31,7 @@ STATES, AROUND = 5, 0.3
 SHARE = 0.75
 SIZES = 10.0 ** (np.arange(-24, 25) / 2)
 # Bounds and position of each end, and its phase.
-ENDS = ("start_bounds", "start_position", 0), ("goal_bounds", "goal_position", -1)
+BOUNDARIES = ("start_bounds", "start_position", 0), ("goal_bounds", "goal_position", -1)
 
 
 def onto_first(problem: Problem, q: Array) -> Array:
@@ -274,7 +274,7 @@ def end_speeds_of(problem: Problem) -> Array:
 def end_speeds_of_rows(problems: Sequence[Problem]) -> Array:
     """Those of R problems of one model, shape (R, nq)."""
     speeds = np.zeros((len(problems), problems[0].nq))
-    for bounds, position, phase in ENDS:
+    for bounds, position, phase in BOUNDARIES:
         velocities, impelled = np.zeros_like(speeds), list[int]()
         for k, problem in enumerate(problems):
             boundary = getattr(problem, bounds)

@@ -77,10 +77,10 @@ def attempted(
     ``end`` is where the method comes from the first start, if that is known."""
     nlp = programs.program(method.guided)
     points = [nlp.scaled(x) for x in starts.points]
-    duals = starts.duals(nlp)
+    minimise = _with(method.minimise(form), starts.duals(nlp))
     if starts.near and method.name == COMPILED_METHOD.name:
-        duals = Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
-    minimise = _with(method.minimise(form), duals)
+        points = [points[0], *points]  # once with a small barrier
+        minimise = minimise if end is not None else _near(method.minimise(form))
     solver = LocalSolver(programs, minimise if end is None else _after(end, minimise))
     second = METHODS[method.falls_back_on] if method.falls_back_on and programs.compiled else None
     reserve = options.iterations // 2 if second is not None else 0  # for what takes over
@@ -104,6 +104,18 @@ def _with(driver: Judged, duals: Duals | None) -> Minimise:
     def minimise(nlp: Transcription, x: Array, options: Options) -> Outcome:
         fits = duals is not None and (len(duals.y), len(duals.w)) == (nlp.n_eq, nlp.n_in)
         return driver(nlp, x, options, duals if fits else None)
+
+    return minimise
+
+
+def _near(driver: Judged) -> Minimise:
+    """A driver that begins with a small barrier, and takes its usual one from then on: where the
+    first does not lead to a minimum, that may."""
+    small = [True]
+
+    def minimise(nlp: Transcription, x: Array, options: Options) -> Outcome:
+        none = Duals.none(nlp.n_eq, nlp.n_in, nlp.n)
+        return driver(nlp, x, options, none if small and small.pop() else None)
 
     return minimise
 

@@ -3,10 +3,16 @@ first."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 import dmoc
 from dmoc.models.registry import find
+from dmoc.program.transcription import Transcription
+from dmoc.solvers import ipm
+from dmoc.solvers.outcome import Duals, Ending, Options, Status
 from dmoc.solving.starts import starts_of
 
 
@@ -47,3 +53,21 @@ def test_other_events_or_no_other_mesh_are_not_near(
     assert not starts_of(table, coarse).near
     other = table.but(steps=30, sequence=["west", "east", "north"])
     assert not starts_of(other, coarse).near
+
+
+def test_where_a_small_barrier_leads_nowhere_the_usual_one_does(
+    table: dmoc.Problem, coarse: dmoc.Solution, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, small = ipm.solve_ipm, list[bool]()
+
+    def failing(
+        nlp: Transcription, x: np.ndarray, options: Options, duals: Duals | None = None
+    ) -> Ending:
+        small.append(duals is not None)
+        end = own(nlp, x, options, duals)
+        return replace(end, status=Status.INFEASIBLE, x=end.x + 1.0) if small[-1] else end
+
+    monkeypatch.setattr(ipm, "solve_ipm", failing)
+    problem = table.but(steps=30)
+    answer = dmoc.solve(problem, "ipm", guess=coarse, starts=1, verify=False)
+    assert answer.status == "solved" and small[:2] == [True, False] and not any(small[1:])
