@@ -58,12 +58,13 @@ def test_other_events_or_no_other_mesh_are_not_near(
 def test_where_a_small_barrier_leads_nowhere_the_usual_one_does(
     table: dmoc.Problem, coarse: dmoc.Solution, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own, small = ipm.solve_ipm, list[bool]()
+    own, small, begun = ipm.solve_ipm, list[bool](), list[np.ndarray]()
 
     def failing(
         nlp: Transcription, x: np.ndarray, options: Options, duals: Duals | None = None
     ) -> Ending:
         small.append(duals is not None)
+        begun.append(x.copy())
         end = own(nlp, x, options, duals)
         return replace(end, status=Status.INFEASIBLE, x=end.x + 1.0) if small[-1] else end
 
@@ -71,3 +72,4 @@ def test_where_a_small_barrier_leads_nowhere_the_usual_one_does(
     problem = table.but(steps=30)
     answer = dmoc.solve(problem, "ipm", guess=coarse, starts=1, verify=False)
     assert answer.status == "solved" and small[:2] == [True, False] and not any(small[1:])
+    np.testing.assert_array_equal(begun[0], begun[1])
