@@ -63,13 +63,14 @@ def test_where_a_small_barrier_leads_nowhere_the_usual_one_does(
     def failing(
         nlp: Transcription, x: np.ndarray, options: Options, duals: Duals | None = None
     ) -> Ending:
+        """An end far away, but from the first start with the usual barrier."""
         small.append(duals is not None)
         begun.append(x.copy())
         end = own(nlp, x, options, duals)
-        return replace(end, status=Status.INFEASIBLE, x=end.x + 1.0) if small[-1] else end
+        if np.array_equal(x, begun[0]) and not small[-1]:
+            return end
+        return replace(end, status=Status.INFEASIBLE, x=end.x + 1.0)
 
     monkeypatch.setattr(ipm, "solve_ipm", failing)
-    problem = table.but(steps=30)
-    answer = dmoc.solve(problem, "ipm", guess=coarse, starts=1, verify=False)
-    assert answer.status == "solved" and small[:2] == [True, False] and not any(small[1:])
-    np.testing.assert_array_equal(begun[0], begun[1])
+    answer = dmoc.solve(table.but(steps=30), "ipm", guess=coarse, starts=1, verify=False)
+    assert answer.status == "solved" and small[0] and not any(small[1:])
